@@ -107,9 +107,9 @@ _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/m
 _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
-        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibus", "ibatt", "iinst",
-                 "itot", *(f"{part}strom" for part in _GERMAN), "courant", "corriente", "corrente", "prąd", "ток",
-                 "电流", "電流", "전류"),
+        words_of("current", "i", "cur", "curr", "ipack", "amp", "amps", "ampere", "amperes", "amperage",
+                 "ibat", "ibus", "ibatt", "iinst", "itot", *(f"{part}strom" for part in _GERMAN),
+                 "courant", "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="current",
         axis_label="Current [A], > 0 charges",
     ),
@@ -150,13 +150,15 @@ _TABLE = (
     Quantity(
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
         ValueLimits(-1e4, 1e4),
-        words_of("speed", "spd", "rpm", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
+        words_of("speed", "spd", "rpm", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel",
+                 "drehzahl", "geschwindigkeit", "vitesse", "velocidad"),
         "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"), least_hz=5.0,
     ),
     Quantity(
         "wheel_counts", "count of each wheel's encoder, which may overflow", "wheel", "counts",
         words=words_of("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
-                       "s", "way", "distance", "dist", "travel", "odom", "odometer"),
+                       "s", "way", "distance", "dist", "travel", "odo", "odom", "odometer", "weg", "strecke",
+                       "distancia"),
         other_dimensions=("angle", "length"), least_hz=5.0,
     ),
     Quantity(

@@ -115,6 +115,16 @@ def test_a_run_with_other_options_begins_anew(label, as_json, monkeypatch):
     assert as_json(*words, "--initial-soc", "day=0.9")["resumed"] == 0
 
 
+def test_a_run_with_another_log_beside_begins_anew(label, as_json, monkeypatch):
+    """Others with equal columns give the sign of a log that does not show it."""
+    words = ("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o", "part.toml")
+    with monkeypatch.context() as context:
+        interrupt_after(1, context)
+        assert main(list(words)) == 130
+    shutil.copy("day.csv", "other.csv")
+    assert as_json(*words[:3], "other.csv", *words[3:])["resumed"] == 0
+
+
 def bad_logs(folder: Path) -> None:
     """Four logs that must not spoil the file."""
     day = drive()

@@ -62,6 +62,9 @@ def test_a_current_in_and_one_out_are_not_one_of_them(write_text, pulses):
         ("direction", "charging", "discharging", "idle"),
         ("is_charging", "1", "0", "0"),
         ("charging", "true", "false", "false"),
+        ("Modus", "Laden", "Entladen", "Ruhe"),
+        ("état", "charge", "décharge", "repos"),
+        ("Estado", "Carga", "Descarga", "Reposo"),
     ],
 )
 def test_a_current_without_a_sign_has_that_of_the_state(write_text, pulses, name, charge, discharge, rest):
@@ -71,6 +74,19 @@ def test_a_current_without_a_sign_has_that_of_the_state(write_text, pulses, name
     rows = zip(time_s, voltage_V, np.abs(current_A), state, strict=True)
     text = "\n".join([f"time_s,voltage_V,current_A,{name}", *(",".join(map(str, row)) for row in rows)])
     np.testing.assert_allclose(read_log(write_text(text)).current_A, current_A, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("charge", "discharge"),
+    [("charge_power_W", "discharge_power_W"), ("P_chg [W]", "P_dis [W]"), ("Ladeleistung", "Entladeleistung")],
+)
+def test_the_power_is_the_charging_less_the_discharging(write_text, pulses, charge, discharge):
+    time_s, current_A, voltage_V = pulses
+    watts = current_A * voltage_V
+    text = two_columns((time_s, watts, voltage_V), charge, discharge)
+    log = read_log(write_text(text), extra=())
+    np.testing.assert_allclose(log.current_A, current_A, atol=1e-9)
+    assert any(f"power: {charge!r} less {discharge!r}" in note.text for note in log.notes)
 
 
 def test_a_limit_of_a_current_is_none(write_text, pulses):

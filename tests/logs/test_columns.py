@@ -89,6 +89,7 @@ def test_overrides_win():
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
         ("time curLeft voltage", {}, r"choose with --column current=curLeft"),
+        ("time Curr(A) RxBt(V)", {}, r"choose with --column 'voltage=RxBt\(V\)'"),
         (
             "a b",
             {},
@@ -169,6 +170,8 @@ def test_every_notation_of_a_unit_reads_alike():
             ("Batteriestrom [A]", 1.0),
             ("Batteriespannung [V]", 1.0),
         ),
+        (["Zeitstempel", "Spannung", "Strom"], ("Zeitstempel", None), ("Strom", None), ("Spannung", None)),
+        (["unix_s", "volt", "amp"], ("unix_s", 1.0), ("amp", None), ("volt", 1.0)),
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),

@@ -54,6 +54,19 @@ def test_gzip(tmp_path):
     np.testing.assert_array_equal(load(path).columns["voltage_V"], [12.25, 12.5, 12.0])
 
 
+def test_the_error_of_a_package_in_place_of_zlib_is_a_damaged_gzip_file(tmp_path, monkeypatch):
+    """isal, which a package for cyclers puts in the place of zlib, has an error of its own."""
+
+    def fail(*args):
+        raise type("IsalError", (Exception,), {})("Invalid deflate block found")
+
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(PLAIN.encode()))
+    monkeypatch.setattr("gzip._GzipReader.read", fail)
+    with pytest.raises(InputError, match=r"log.csv.gz: the gzip file is damaged .Invalid deflate block"):
+        read_log(path)
+
+
 def test_a_damaged_gzip_file_is_named(tmp_path):
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(PLAIN.encode())[:-9])

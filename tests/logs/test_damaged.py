@@ -13,6 +13,7 @@ from logs.formats.containers import old_workbook
 from logs.formats.mutation import damaged, written
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
+from ohmward.logs.battery_columns import find_cells
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -132,6 +133,24 @@ def test_a_gzip_file_that_unpacks_to_far_more_than_a_log_is_refused(tmp_path, mo
         InputError, match=r"log.csv.gz: the gzip file unpacks to more than .* unpack it with gunzip first"
     ):
         read_log(path)
+
+
+def test_cells_that_were_never_measured_are_none(tmp_path):
+    """Neither a warning of NumPy nor a sentence about NaN."""
+    rows = [f"{k},{-1 - k % 2},{12 - 0.05 * (k % 2)},," for k in range(40)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["time_s,current_A,voltage_V,cell_voltage_1_V,cell_voltage_2_V", *rows]))
+    log = read_log(path, current_sign="charge")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert find_cells(log.extra, log.voltage_V, 2) == (None, ())
+
+
+def test_a_stamp_of_many_digits_in_line_protocol_is_no_time(tmp_path):
+    stamps = ["1" + "0" * 400, *(str(1_770_000_000_000_000_000 + k * 10**9) for k in range(1, 20))]
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(f"bat current={k % 3},voltage=12.{k % 3} {stamp}" for k, stamp in enumerate(stamps)))
+    assert len(read_log(path, current_sign="charge")) == 19
 
 
 def test_a_number_of_many_digits_in_json_is_no_measurement(tmp_path):

@@ -305,3 +305,11 @@ def test_a_frame_of_others_than_pandas_without_rows_or_with_a_name_twice_is_refu
         read_log(KINDS["Arrow"](frame[:0]))
     with pytest.raises(InputError, match="more than one column is named 'a'"):
         read_log(arrow.table([[1.0], [2.0]], names=["a", "a"]))
+
+
+@pytest.mark.parametrize("kind", ["float16", "float32"])
+def test_a_time_in_short_floats_is_read(frame, kind):
+    """Those of 16 bits end at 65,504: no Unix time fits."""
+    short = frame.iloc[:60].astype({"time_s": kind}).rename(columns={"time_s": "time"})
+    log = read_log(short, current_sign="charge")
+    np.testing.assert_array_equal(log.time_s, frame["time_s"][:60])

@@ -49,6 +49,10 @@ def test_every_wheel_has_its_column(names):
         ("rpm_l", "rpm_r"),
         ("enc_left_delta", "enc_right_delta"),
         ("odom_left", "odom_right"),
+        ("odo_left_mm", "odo_right_mm"),
+        ("Weg links [cm]", "Weg rechts [cm]"),
+        ("Drehzahl_links", "Drehzahl_rechts"),
+        ("vitesse_gauche", "vitesse_droite"),
     ],
 )
 def test_a_pair_serves_the_driven_wheels_of_its_side(left, right):

@@ -28,6 +28,20 @@ def test_a_current_that_wrapped_is_named_with_its_range(sign, digit_A, range_A):
     assert f"unless {range_A} A are added: a 16-bit number of {1e3 * digit_A:g} mA" in finding.text
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("largest_A", [90.0, 135.0, 180.0])
+def test_a_current_that_is_mostly_beyond_the_range_is_named(sign, largest_A):
+    current_A, voltage_V = drive(largest_A)
+    (finding,) = check_wrapped(wrapped(sign * current_A, 1e-3), voltage_V)
+    assert "unless 65.536 A are added" in finding.text
+
+
+@pytest.mark.parametrize("late", [1, 2, 5])
+def test_a_voltage_that_answers_late_is_no_wrap(late):
+    current_A, voltage_V = drive(31.0)
+    assert list(check_wrapped(current_A[:-late], voltage_V[late:])) == []
+
+
 @pytest.mark.parametrize("largest_A", [2.0, 20.0, 31.0, 45.0, 300.0])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_current_that_did_not_wrap_is_read(largest_A, seed):

@@ -33,7 +33,7 @@ class LearningJob(NamedTuple):
     @property
     def digest(self) -> str:
         """Digest of the job, different for every job with other results."""
-        return digest_of([BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
+        return digest_of([BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts), list(self.others)])
 
 
 def learn_all(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from ohmward.logs.read import open_table
 from ohmward.logs.selection import labels_in
 from ohmward.logs.table import Note, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
+from ohmward.quantities import words_of
 
 #: Largest relative difference between the sum of the cells and the voltage of the pack: they are measured by different
 #: converters, and the wires between them drop a few millivolts a cell.
@@ -62,7 +64,7 @@ def find_cells(
         if error.size and np.median(error) <= SUM_TOLERANCE:
             note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
             return CellVoltages(row, cells_V, note), (note,)
-        if is_named(row):
+        if is_named(row) and error.size:
             text = (
                 f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(cells_V.sum(axis=1)):.4g} V, the "
                 f"voltage of the pack {np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
@@ -129,39 +131,41 @@ def _may_be_voltage(name: str) -> bool:
 
 def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     """The unit in the names of cells; without one, the unit for which the numbers (T, n) are plausible."""
-    return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if np.nanmedian(cells) > _LARGEST_CELL_V else "v"]
+    is_milli = np.isfinite(cells).any() and np.nanmedian(cells) > _LARGEST_CELL_V
+    return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if is_milli else "v"]
 
 
-_CHARGE = word_set("charge charging charger chg chrg lade ladestrom")
-_DISCHARGE = word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom")
-#: Words that are a current by themselves.
-_CURRENTS = word_set("ladestrom entladestrom")
+_CHARGE = word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
+_DISCHARGE = word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
+#: Words that are a current, or a power, by themselves.
+_CURRENTS, _POWERS = word_set("ladestrom entladestrom"), word_set("ladeleistung entladeleistung")
 _POWER = word_set("power p leistung watts")
-_CURRENT = "pack current [A]"
+_CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
 
 
 def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
-    """The file with the charging minus the discharging current as a column, if it has both and no other current.
+    """The file with the charging minus the discharging current, or power, as a column, if it has both and no current.
 
     The magnitude of each is used, whatever its sign: the column gives the direction.
 
     columns: those that the caller named.
     """
-    charge, discharge = (
-        _only([name for name in file.names if _is_current(name, words)]) for words in (_CHARGE, _DISCHARGE)
-    )
-    if charge is None or discharge is None or _has(file, CURRENT, columns, (charge, discharge)):
-        return file
+    for quantity, column, unit in (("current", _CURRENT, CURRENT.default), ("power", _POWER_COLUMN, UNITS["w"])):
+        both = [_only([n for n in file.names if _is_one_way(n, way, unit)]) for way in (_CHARGE, _DISCHARGE)]
+        names = [name for name in both if name is not None]
+        if len(names) == len(both) and not _has(file, CURRENT, columns, names):
+            less = partial(_difference, quantity=quantity, names=names, default=unit)
+            return file.with_column(column, names, less)._replace(positive_current="charge")
+    return file
 
-    def less(table: Table) -> tuple[np.ndarray, Note]:
-        units = [unit_in_name(name, CURRENT.dimensions) or CURRENT.default for name in (charge, discharge)]
-        given = zip(units, (charge, discharge), strict=True)
-        sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in given])
-        current_A = np.nan_to_num(sizes[0]) - np.nan_to_num(sizes[1])
-        current_A[np.isnan(sizes).all(axis=0)] = np.nan
-        return current_A, Note(f"current: {charge!r} less {discharge!r}")
 
-    return file.with_column(_CURRENT, (charge, discharge), less)._replace(positive_current="charge")
+def _difference(table: Table, quantity: str, names: Sequence[str], default: Unit) -> tuple[np.ndarray, Note]:
+    """The size of the first column less that of the second, (T,) in SI; an empty cell is nothing that way."""
+    units = [unit_in_name(name, (default.dimension,)) or default for name in names]
+    sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in zip(units, names, strict=True)])
+    values = np.nan_to_num(sizes[0]) - np.nan_to_num(sizes[1])
+    values[np.isnan(sizes).all(axis=0)] = np.nan
+    return values, Note(f"{quantity}: {names[0]!r} less {names[1]!r}")
 
 
 def with_power(
@@ -215,15 +219,16 @@ def _is_power(name: str) -> bool:
     return False
 
 
-def _is_current(name: str, direction: Collection[str]) -> bool:
-    """True where the name has a word of the direction and otherwise those of a battery's current."""
+def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
+    """True where the name has a word of the direction and otherwise those of a battery's current or power."""
+    naming = CURRENT.words if of is CURRENT.default else words_of(*_POWER)
+    alone = _CURRENTS if of is CURRENT.default else _POWERS
     for stem, unit in split_unit(name):
-        if unit is not None and unit.dimension not in CURRENT.dimensions:
+        if unit is not None and unit.dimension != of.dimension:
             return False
         words = set(letters(stem))
         rest = frozenset(words - set(direction) - CURRENT.beside[1])
-        is_current = rest in CURRENT.words or (not rest and (unit is not None or bool(words & _CURRENTS)))
-        if words & set(direction) and is_current:
+        if words & set(direction) and (rest in naming or (not rest and (unit is not None or bool(words & alone)))):
             return True
     return False
 
@@ -231,14 +236,19 @@ def _is_current(name: str, direction: Collection[str]) -> bool:
 #: Names of the column of a state.
 _STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
           frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")), frozenset(("direction",)),
-          frozenset(("type",)), frozenset(("phase",)), frozenset(("operation",)))  # fmt: skip
+          frozenset(("type",)), frozenset(("phase",)), frozenset(("operation",)), frozenset(("modus",)),
+          frozenset(("zustand",)), frozenset(("betriebsart",)), frozenset(("état",)), frozenset(("etat",)),
+          frozenset(("estado",)), frozenset(("modo",)), frozenset(("stato",)), frozenset(("状态",)),
+          frozenset(("режим",)))  # fmt: skip
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
-_SAYS_DISCHARGE = re.compile(r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|放电", re.IGNORECASE)
-_SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
+_SAYS_DISCHARGE = re.compile(
+    r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|ontlad|d[ée]char|descarg|scaric|放电|разряд", re.IGNORECASE
+)
+_SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^lad[eu]|carga|caric|充电|заряд", re.IGNORECASE)
 #: At rest any small current discharges the battery.
-_SAYS_REST = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|静置|搁置", re.IGNORECASE)
+_SAYS_REST = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|repos|ripos|静置|搁置|покой", re.IGNORECASE)
 
 
 def state_column(file: TableFile) -> str | None:

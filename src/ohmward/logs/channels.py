@@ -15,6 +15,9 @@ CORNERS = SIDES | {"front", "rear"}
 # Abbreviations in the names of wheels and of the body's sensors, spelled out.
 _SPELLED_OUT: dict[str, tuple[str, ...]] = {
     "l": ("left",), "r": ("right",), "back": ("rear",),
+    **dict.fromkeys(("links", "linkes", "gauche", "izquierda", "sinistra"), ("left",)),
+    **dict.fromkeys(("rechts", "rechtes", "droite", "derecha", "destra"), ("right",)),
+    **dict.fromkeys(("vorn", "vorne", "avant"), ("front",)), **dict.fromkeys(("hinten", "arrière"), ("rear",)),
     **dict.fromkeys(("fl", "lf"), ("front", "left")), **dict.fromkeys(("fr", "rf"), ("front", "right")),
     **dict.fromkeys(("rl", "bl", "lr", "lb"), ("rear", "left")),
     **dict.fromkeys(("rr", "br", "rb"), ("rear", "right")),
@@ -112,11 +115,11 @@ def _channels_of(owner: str) -> tuple[Channel, ...]:
 TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
     words_of("time", "t", "timestamp", "when", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
-             "elapsed time", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch",
-             "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed", "last updated",
-             "test", "x value", "cumulative time", "absolute time", "record time", "system time",
-             "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
-             "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
+             "elapsed time", "unix", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds",
+             "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed",
+             "last updated", "test", "x value", "cumulative time", "absolute time", "record time", "system time",
+             "zeit", "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间",
+             "時間", "시간", "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
              "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip

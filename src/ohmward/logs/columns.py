@@ -18,7 +18,19 @@ _OTHER_WORDS = word_set(
     "model step open circuit ocv delta offset bias nanosec nsecs nsec"
 )
 # Words of clocks that may be set while a log runs.
-_WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "fecha", "changed")
+_WALL_CLOCK = (
+    "stamp",
+    "date",
+    "unix",
+    "epoch",
+    "dpt",
+    "realtime",
+    "datum",
+    "fecha",
+    "changed",
+    "stempel",
+    "horodatage",
+)
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
 _IN, _OUT = word_set("in input"), word_set("out output")
@@ -270,7 +282,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
 
 
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:
-    """The column whose name is most like that of a channel, by its first letters or misspelled, or None."""
+    """The column whose name begins like that of a channel or is misspelled, or the only one with its unit; or None."""
     units = {name: next(split_unit(name))[1] for name in names}
     likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
     likely = [name for name in likely if (unit := units[name]) is None or unit.dimension in channel.dimensions]
@@ -280,7 +292,8 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
         word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED and word not in beside
     ]
     misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
-    return by_letters or next(misspelled, None)
+    by_unit = [name for name in likely if units[name]]
+    return by_letters or next(misspelled, None) or (by_unit[0] if len(by_unit) == 1 else None)
 
 
 def _counts_up(cells: Sequence[str]) -> bool:

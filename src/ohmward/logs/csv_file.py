@@ -58,7 +58,10 @@ def _readable(path: Path) -> Iterator[None]:
         raise InputError(f"{path.name}: not a text table ({error}); export the log as CSV or Parquet") from error
     except UnicodeError as error:
         raise InputError(f"{path.name}: not in the encoding {error}; name another with --encoding") from error
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+    except Exception as error:
+        # packages for cyclers replace zlib by a faster one, with an error of its own
+        if not isinstance(error, gzip.BadGzipFile | EOFError | zlib.error) and type(error).__name__ != "IsalError":
+            raise
         raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack the intact part") from error
 
 

@@ -34,7 +34,7 @@ def plain_array(values: Any) -> np.ndarray:
         return array.astype("datetime64[ns]", copy=False)
     if array.dtype.kind == "m":
         return array.astype("timedelta64[ns]", copy=False)
-    if array.dtype.kind == "b":
+    if array.dtype.kind == "b" or array.dtype == np.float16:  # those end at 65,504, with no room for a Unix time
         return array.astype(float)
     return array if array.dtype.kind in "iuf" else _from_objects(array)
 

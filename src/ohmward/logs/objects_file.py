@@ -185,7 +185,7 @@ def _is_row_of_pairs(line: str) -> bool:
 def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:
     """The time, the tags and the fields; a field called `value` is named after its measurement."""
     if found["time"]:
-        yield "time", int(found["time"])
+        yield "time", _whole(found["time"])
     for name, value in _TAG.findall(found["tags"]):
         yield _plain(name), _plain(value)
     for name, value in _FIELD.findall(found["fields"]):

@@ -23,6 +23,10 @@ _EDGE, _MOST_EDGES = 0.2, 300
 #: the resistance.
 _FEWEST, _LEFT = 5, 0.1
 _FEW, _LEFT_BY_FEW = 2, 0.01
+#: Of currents that wrapped several times: the largest edges in ranges of the number, how many resistances are tried,
+#: the smallest coherence of all edges, and the fewest that wrapped. As logged, they leave this share of the voltage's
+#: squares unexplained.
+_RANGES, _COHERENT, _MANY, _UNEXPLAINED = np.linspace(0.8, 4.0, 400), 0.8, 25, 0.25
 _LARGE = 0.02
 #: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100
@@ -108,11 +112,28 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
     left = left_V2.min(axis=2).sum(axis=1)
     if not ohms.size or left.min() > _LEFT * as_logged:
-        return 0
+        return _count_by_phase(dI, dV, range_A) if as_logged > _UNEXPLAINED * float(dV @ dV) else 0
     is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
     count = int(is_wrapped.sum())
     fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST
     return count if count >= fewest and is_wrapped.size - count >= _FEWEST else 0
+
+
+def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
+    """Number of edges (n,) at which the current wrapped once or several times; 0 if the edges are not coherent.
+
+    Whatever multiple of the range a step lacks, its phase 2 pi dI / range is that of dV / R, R > 0 or < 0.
+    """
+    per_V = 2.0 * np.pi * np.concatenate([_RANGES, -_RANGES]) / np.quantile(np.abs(dV), 0.9)
+    phase = 2.0 * np.pi * dI / range_A
+    coherence = np.cos(phase - per_V[:, None] * dV).mean(axis=1)
+    best = np.argmax(coherence)
+    wraps = np.rint(per_V[best] * dV / (2.0 * np.pi) - dI / range_A)
+    count = int(np.count_nonzero(wraps))
+    # edges of one size would be coherent by chance, and those that the current shows later
+    if np.abs(np.exp(1j * phase).mean()) >= _COHERENT or np.unique(np.abs(wraps)).size < 2:
+        return 0
+    return count if coherence[best] >= _COHERENT and count >= _MANY else 0
 
 
 def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale, str] | None:
