@@ -1,4 +1,4 @@
-"""Runs of a condition: half-open, in order, at both ends too."""
+"""Runs of a condition: half-open, in order, at both ends too; windows of time."""
 
 from itertools import pairwise
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.runs import runs
+from ohmward.runs import runs, window_starts
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,16 @@ def test_runs_cover_what_is_true_and_do_not_touch(condition):
         covered[first:stop] = True
     assert covered.tolist() == condition
     assert all(stop < first for (_, stop), (first, _) in pairwise(found))
+
+
+@given(
+    st.lists(st.sampled_from((0.0, 0.5, 1.0, 3.0, 10.0)), min_size=1, max_size=30),
+    st.sampled_from((-2.0, 0.0, 0.5)),
+    st.sampled_from((1.0, 4.0)),
+)
+def test_windows_start_where_the_number_of_the_window_changes(steps_s, earlier_s, window_s):
+    time_s = 7.0 + np.cumsum(steps_s)
+    begin_s = time_s[0] - abs(earlier_s)
+    number = (time_s - begin_s) // window_s
+    expected = np.flatnonzero(np.diff(number, prepend=-np.inf))
+    np.testing.assert_array_equal(window_starts(time_s, window_s, begin_s), expected)

@@ -1,4 +1,4 @@
-"""Runs of a condition along a log."""
+"""Runs of a condition, and windows of time, along a log."""
 
 from __future__ import annotations
 
@@ -19,6 +19,15 @@ def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest:
     first, stop = _ends(condition)
     enough = (stop - first >= fewest) & (time_s[stop - 1] - time_s[first] >= least_s)
     return list(zip(first[enough].tolist(), stop[enough].tolist(), strict=True))
+
+
+def window_starts(time_s: np.ndarray, window_s: float, begin_s: float) -> np.ndarray:
+    """Index of the first sample in every window of time that has one.
+
+    time_s: (T,) [s] increasing; window_s: length of a window; begin_s: begin of the first one, not after `time_s[0]`.
+    """
+    windows = int((time_s[-1] - begin_s) // window_s) + 1
+    return np.unique(np.searchsorted(time_s, begin_s + window_s * np.arange(windows)))
 
 
 def from_to(time_s: np.ndarray) -> str:

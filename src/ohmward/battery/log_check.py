@@ -23,7 +23,7 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
 from ohmward.quantities import MOST_C
-from ohmward.runs import long_runs
+from ohmward.runs import long_runs, window_starts
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
 
@@ -189,7 +189,7 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
         return
     time_s = log.time_s[known]
     after_gaps = 1 + np.flatnonzero(np.diff(time_s) > CURRENT_GAP_S)
-    starts = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], _WINDOW_S))
+    starts = window_starts(time_s, _WINDOW_S, time_s[0])
     edges = np.unique(np.concatenate([starts, after_gaps, [known.size]]))
     long = np.flatnonzero(np.diff(edges) >= _FEWEST_ROWS)
     chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]

@@ -209,10 +209,11 @@ def without_impossible(
 
 def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:
     """Rows of values (T,) farther than `far` from `usual` and from the median of those around; and these medians."""
-    known = np.flatnonzero(np.isfinite(values))
+    rows = np.flatnonzero(np.isfinite(values) & (np.abs(values - usual) > far))
+    known = np.flatnonzero(np.isfinite(values)) if rows.size else rows  # a long log without any takes no more memory
     if known.size < _AROUND:
         return np.empty(0, int), np.empty(0)
-    apart = np.flatnonzero(np.abs(values[known] - usual) > far)
+    apart = np.searchsorted(known, rows)
     first = np.clip(apart - _AROUND // 2, 0, known.size - _AROUND)
     around = np.median(values[known[first[:, None] + np.arange(_AROUND)]], axis=1)
     spike = np.abs(values[known[apart]] - around) > far

@@ -105,10 +105,14 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     time_s: (T,) [s] increasing; current_A: (T,) [A] of either sign; voltage_V: (T,) [V]; NaN samples are left out.
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    edges = edge_test(current_A[known], voltage_V[known])
-    trend = trend_test(time_s[known], current_A[known], voltage_V[known])
+    if not known.all():
+        time_s = time_s[known]
+        current_A = current_A[known]
+        voltage_V = voltage_V[known]
+    edges = edge_test(current_A, voltage_V)
+    trend = trend_test(time_s, current_A, voltage_V)
     clear = {edges.sign, trend} - {0}
-    changes = 0 if clear else change_test(current_A[known], voltage_V[known])
+    changes = 0 if clear else change_test(current_A, voltage_V)
     signs = clear or {changes}
     verdict = "charge" if signs == {1} else "discharge" if signs == {-1} else "undecidable"
     return SignEvidence(verdict, edges, trend, changes)

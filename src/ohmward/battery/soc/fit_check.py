@@ -22,6 +22,7 @@ from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import Estimator, SocEstimate
 from ohmward.battery.soc.thevenin_filter import TheveninFilter, implausible_capacity
 from ohmward.logs.log import Log, Note
+from ohmward.runs import window_starts
 
 #: Root mean square of innovations over their standard deviations. It is 1 for single samples where the model holds, and
 #: at most 1 for their means over some minutes, however long an error of the model lasts.
@@ -75,6 +76,6 @@ def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
     if np.count_nonzero(used) < LEAST_INNOVATIONS:
         return math.nan
     normalised = np.clip(e.innovation_V[used] / e.voltage_std_V[used], -LARGEST, LARGEST)
-    begins = np.flatnonzero(np.diff(time_s[used] // LASTING_S, prepend=-np.inf))
+    begins = window_starts(time_s[used], LASTING_S, time_s[0] // LASTING_S * LASTING_S)
     means = np.add.reduceat(normalised, begins) / np.diff(begins, append=normalised.size)
     return float(np.sqrt(max(normalised @ normalised / normalised.size, np.mean(means**2))))
