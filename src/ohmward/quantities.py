@@ -17,6 +17,10 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 
+#: An hour and a day [s].
+SECONDS_PER_HOUR = 3600.0
+DAY_S = 24 * SECONDS_PER_HOUR
+
 
 class ValueLimits(NamedTuple):
     """Lowest and highest value of a quantity."""

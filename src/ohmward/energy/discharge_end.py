@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.logs.log import Log
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: Time [s] for which a peak of power must last to count: a protection opens after some seconds.
 PROTECTION_OPENS_S = 3.0

@@ -37,7 +37,7 @@ from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC
 from ohmward.toml_file import TomlFile
 from ohmward.traction.friction.terrain import Terrain, hard_terrain
 from ohmward.traction.robot.robot import Robot
@@ -107,7 +107,6 @@ def load_plan(path: str | PathLike[str]) -> Plan:
 DEFAULT_RESERVE = RangeSettings.reserve_soc
 #: Limits of the advised speed, relative to the present one.
 _SLOWER, _FASTER = 0.5, 1.5
-_SECONDS_PER_DAY = 86400.0
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consum
     notes = []
     days = 0.0
     if record.log.start_unix_s is not None and before.last_drive_unix_s is not None:
-        days = max(record.log.start_unix_s - before.last_drive_unix_s, 0.0) / _SECONDS_PER_DAY
+        days = max(record.log.start_unix_s - before.last_drive_unix_s, 0.0) / DAY_S
         notes.append(Note(f"{days:.1f} days since the last drive that was learned from"))
     c = begin_drive(before, days)
     for driven in record.driven:

@@ -26,7 +26,7 @@ from ohmward.energy.peaks import PeakRatio, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
 from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, BatteryState, discharge, soc_after, usable_at, usable_J
 from ohmward.errors import InputError
-from ohmward.logs.log import SECONDS_PER_HOUR
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
 DIMENSIONS = BATTERY_DIMENSIONS + 3

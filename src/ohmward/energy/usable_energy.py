@@ -43,8 +43,7 @@ from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.energy.peaks import Peaks
 from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantiles
 from ohmward.errors import InputError
-from ohmward.logs.log import SECONDS_PER_HOUR
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR
 
 #: Grid of states of charge for a discharge; grids that resistances and lags are interpolated from: deviations of the
 #: resistance in standard deviations, and lags over the expected one.

@@ -8,8 +8,8 @@ import numpy as np
 
 from ohmward.battery.health.ageing import SAYS_NOTHING_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import Health
-from ohmward.battery.models.noise import DAY_S
 from ohmward.filters.consistency import BAND_95
+from ohmward.quantities import DAY_S
 from ohmward.report import Band, Figure, Marker, Series
 
 #: Points of the trend between the first and the last log.

@@ -14,7 +14,7 @@ from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, counted, held, numbers
-from ohmward.quantities import QUANTITIES, Quantity
+from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
@@ -358,7 +358,6 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
 
 
 YEAR_S = 365.25 * 86400.0
-_HOUR_S = 3600.0
 #: Longest plausible log.
 LONGEST_S = 50.0 * YEAR_S
 #: Longest plausible time for the largest current to flow one way: it would move a thousandth of the capacity an hour,
@@ -405,7 +404,7 @@ def require_plausible(
     if guessed and not _is_interval(interval):
         raise InputError(f"{what}, which names no unit, gives a sample every {interval:.3g} s; {advice}")
     most_h = LONGEST_FLOW_GUESSED_H if guessed else LONGEST_FLOW_H
-    longest_h = _flow_h(np.diff(time_s), current_A) if duration > most_h * _HOUR_S else 0.0
+    longest_h = _flow_h(np.diff(time_s), current_A) if duration > most_h * SECONDS_PER_HOUR else 0.0
     if longest_h > most_h:
         largest = float(np.nanmax(np.abs(current_A)))
         raise InputError(
@@ -450,7 +449,7 @@ def _is_interval(seconds: float) -> bool:
     if seconds < CHOSEN_FROM_S:
         in_minutes = any(abs(seconds - other) < _ALIKE * other for other in _IN_MINUTES_S)
         return seconds >= SHORTEST_INTERVAL_S and not in_minutes
-    return seconds <= _HOUR_S and abs(seconds / HALF_MINUTE_S - round(seconds / HALF_MINUTE_S)) < _JITTER
+    return seconds <= SECONDS_PER_HOUR and abs(seconds / HALF_MINUTE_S - round(seconds / HALF_MINUTE_S)) < _JITTER
 
 
 def _flow_h(steps: np.ndarray, current_A: np.ndarray) -> float:
@@ -460,4 +459,4 @@ def _flow_h(steps: np.ndarray, current_A: np.ndarray) -> float:
     if largest == 0.0:
         return 0.0
     charge = np.concatenate([[0.0], np.cumsum(known[1:] * steps)])
-    return float(np.ptp(charge)) / largest / _HOUR_S
+    return float(np.ptp(charge)) / largest / SECONDS_PER_HOUR

@@ -16,10 +16,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.hints import EXCEL, FileHints, zone_of
 from ohmward.logs.table import can_read
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()
-DAY_S = 86400.0
 _TIME = re.compile(
     r"(?:^|[\sT_,:])(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d(?:[.,:]\d+)?))?\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)"
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d)?(?=$|\s)"
@@ -253,7 +253,6 @@ _CHANGING = (
 )  # fmt: skip
 #: Offsets change at full quarters of an hour.
 _QUARTER_S = 900.0
-_HOUR_S = 3600.0
 #: Tolerance [s] of a step that is an hour longer or shorter than usual, where a change of clocks is looked for.
 _ABOUT_S = 120.0
 
@@ -308,7 +307,7 @@ def _hours(local_s: np.ndarray) -> Iterator[tuple[float, float]]:
     if not steps.size:
         return
     usual = float(np.median(np.abs(steps)))
-    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - _HOUR_S) <= _ABOUT_S):
+    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - SECONDS_PER_HOUR) <= _ABOUT_S):
         yield float(local_s[k]), float(local_s[k + 1])
 
 

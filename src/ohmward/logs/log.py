@@ -36,12 +36,9 @@ from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.quantities import QUANTITIES
+from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
 from ohmward.signals.current_size import check_wrapped, forgotten_scale
-
-SECONDS_PER_HOUR = 3600.0
-
 
 #: Quantities of the battery that have an array of their own; others are among `extra`.
 _COLUMNS = tuple(

@@ -29,7 +29,7 @@ from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.robot_state import totals_from
-from ohmward.quantities import QUANTITIES
+from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.trace.snapshot import to_json, typed
 
 #: Longest absence in which the current is assumed to have stayed the same: a crashed process, a rebooting computer.
@@ -55,8 +55,6 @@ _MOST_LEARNT = 2.0
 
 #: Largest time that any clock counts: some 300 years [s].
 _MOST_S = 1e10
-
-_SECONDS_PER_HOUR, _SECONDS_PER_DAY = 3600.0, 86400.0
 
 
 def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
@@ -160,8 +158,8 @@ def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
 
 def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
     """Standard deviation of the change of the charge in the absence; see the equation at the head."""
-    drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
-    standby = STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
+    drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / SECONDS_PER_HOUR / capacity_Ah
+    standby = STANDBY_PER_HOUR * away_s / SECONDS_PER_HOUR
     return math.hypot(drawn, standby)
 
 
@@ -186,5 +184,5 @@ def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: fl
     if away_s <= DRIVE_S:
         estimation.range = before
     else:
-        estimation.range = RangeEstimator(estimation.battery, before.consumption, away_s / _SECONDS_PER_DAY)
+        estimation.range = RangeEstimator(estimation.battery, before.consumption, away_s / DAY_S)
     return []

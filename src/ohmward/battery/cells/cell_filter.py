@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import DAY_S, RESISTANCE_CORRELATION, BatteryNoise, walk_variance
+from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise, walk_variance
 from ohmward.battery.models.ocv import beyond_line, slip_shape
 from ohmward.battery.models.thevenin import (
     CircuitInput,
@@ -48,6 +48,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, passes, require_gate, time_rejected
 from ohmward.filters.kalman import gain, joseph
 from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.quantities import DAY_S
 from ohmward.trace import clip, exp, linearize, logical_not, maximum, minimum
 from ohmward.trace.expression import Scalar
 

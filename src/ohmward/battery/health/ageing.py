@@ -31,7 +31,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.models.noise import DAY_S, HOUR_S, walk_variance
+from ohmward.battery.models.noise import walk_variance
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 
 #: Share of the capacity at which a battery counts as worn out.
 WORN_SHARE = 0.8
@@ -194,7 +195,7 @@ class CapacityUncertainty(NamedTuple):
     def walk_variance(self, days: np.ndarray) -> np.ndarray:
         """(n,) variance of the random walk over these times."""
         span_s: Any = DAY_S * days
-        return np.asarray(walk_variance(self.walk, 1000 * HOUR_S, span_s))
+        return np.asarray(walk_variance(self.walk, 1000 * SECONDS_PER_HOUR, span_s))
 
 
 class AgeingFit(NamedTuple):

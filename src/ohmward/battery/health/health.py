@@ -37,10 +37,10 @@ from ohmward.battery.health.history import (
 )
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
-from ohmward.battery.models.noise import DAY_S
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs
+from ohmward.quantities import DAY_S
 from ohmward.rich_display import RichDisplay
 
 #: Seed of the batteries that are simulated for the time left: equal logs give equal answers.

@@ -9,6 +9,7 @@ from typing import Any
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by_weather
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
 
@@ -55,9 +56,6 @@ OLDEST_YEARS = 4
 
 #: A shorter step counts as this one [s] where errors persist from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
-
-HOUR_S = 3600.0
-DAY_S = 24 * HOUR_S
 
 
 def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
@@ -171,11 +169,11 @@ class BatteryNoise:
 
     def capacity_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance of the relative error of the capacity in one step."""
-        return walk_variance(self.capacity_walk, 1000 * HOUR_S, dt_s)
+        return walk_variance(self.capacity_walk, 1000 * SECONDS_PER_HOUR, dt_s)
 
     def resistance_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance of the relative error of the resistances in one step."""
-        return walk_variance(self.resistance_walk, 100 * HOUR_S, dt_s)
+        return walk_variance(self.resistance_walk, 100 * SECONDS_PER_HOUR, dt_s)
 
     def resistance_variance(self, coldness_per_K: Any) -> Any:
         """Variance of ln R at this distance from the temperature of the test (`temperature.coldness_per_K`)."""
@@ -217,7 +215,7 @@ class CurrentSensor:
 
     def offset_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance [A^2] of the offset in one step."""
-        return walk_variance(self.offset_walk_A, HOUR_S, dt_s)
+        return walk_variance(self.offset_walk_A, SECONDS_PER_HOUR, dt_s)
 
     def contradicts(self, offset_A: Scalar) -> Any:
         """True where this sensor cannot have such an offset."""

@@ -16,7 +16,6 @@ from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import BatteryHealth, health
 from ohmward.battery.health.history import used_capacities
 from ohmward.battery.learning.log_update import LogUpdate
-from ohmward.battery.models.noise import DAY_S
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
@@ -26,6 +25,7 @@ from ohmward.figures.health import life_figure, trend_figures
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.table import counted
+from ohmward.quantities import DAY_S
 from ohmward.report import Page
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].

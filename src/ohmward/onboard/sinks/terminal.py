@@ -12,8 +12,7 @@ from ohmward.checks import require_between
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.robot_state import Level, RobotState, stale
-
-_SECONDS_PER_HOUR = 3600.0
+from ohmward.quantities import SECONDS_PER_HOUR
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def _parts(state: RobotState) -> Iterator[str]:
         yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
     if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:
         reach, assumed = state.range, " (assumed)" if state.range.assumed else ""
-        yield f"range {reach.distance_m.p50 / 1e3:.1f} km, {reach.duration_s.p50 / _SECONDS_PER_HOUR:.1f} h{assumed}"
+        yield f"range {reach.distance_m.p50 / 1e3:.1f} km, {reach.duration_s.p50 / SECONDS_PER_HOUR:.1f} h{assumed}"
     if state.slip:
         yield f"speed {state.slip.speed_m_s:.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
         yield f"slip {' '.join(f'{100 * slip:.0f}' if slip == slip else '-' for slip in state.slip.slip_ratio)} %"
