@@ -10,8 +10,6 @@ from ohmward.battery.pybamm_exchange import log_of_solution, to_dataset, to_pyba
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
-pybamm = pytest.importorskip("pybamm")
-
 GENERIC = generic_battery("nmc", 5.0, 4)
 #: Resistances along SoC and by direction, no hysteresis: what PyBaMM's circuit has a place for.
 BATTERY = replace(
@@ -30,6 +28,12 @@ TIME_S = np.arange(0.0, 1801.0)
 CURRENT_A = np.where(TIME_S < 900.0, -4.0, np.where(TIME_S < 1200.0, 0.0, 3.0))
 
 
+@pytest.fixture(scope="module")
+def pybamm():
+    """Imported when a test needs it: it takes a second, in every process that collects the tests."""
+    return pytest.importorskip("pybamm")
+
+
 def here(temperature_degC):
     """Voltage (T,) of our model at the currents of the steps before each time."""
     p = BATTERY.thevenin
@@ -45,7 +49,7 @@ def here(temperature_degC):
 
 
 @pytest.mark.parametrize("temperature_degC", [25.0, 5.0])
-def test_their_circuit_has_our_voltage(temperature_degC):
+def test_their_circuit_has_our_voltage(pybamm, temperature_degC):
     values = to_pybamm(BATTERY, soc=0.9, temperature_degC=temperature_degC)
     # their current is that of the instant, ours that of the step before it
     values["Current function [A]"] = pybamm.Interpolant(
@@ -61,7 +65,7 @@ def test_their_circuit_has_our_voltage(temperature_degC):
     assert found.voltage_V[1:][steady[1:]] == pytest.approx(here(temperature_degC)[steady[1:]], abs=0.004)
 
 
-def test_a_full_battery_can_be_discharged():
+def test_a_full_battery_can_be_discharged(pybamm):
     model = pybamm.equivalent_circuit.Thevenin(options={"number of rc elements": 2})
     log = log_of_solution(pybamm.Simulation(model, parameter_values=to_pybamm(BATTERY)).solve([0.0, 60.0]))
     assert log.current_A == pytest.approx(-5.0)
@@ -77,7 +81,7 @@ def test_a_data_set_has_their_sign_and_no_gaps():
     }
 
 
-def test_a_solution_of_a_porous_electrode_is_a_log():
+def test_a_solution_of_a_porous_electrode_is_a_log(pybamm):
     solution = pybamm.Simulation(pybamm.lithium_ion.SPM()).solve([0.0, 600.0])
     log = log_of_solution(solution, "spm")
     assert (log.name, log.duration_s) == ("spm", 600.0)
