@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
-from ohmward.battery.identification.record import Record, find_gaps
+from ohmward.battery.identification.record import Record, begins_interval, find_gaps
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_hysteresis, next_state, pair_decays, voltage
@@ -119,14 +119,10 @@ def _used(record: Record) -> np.ndarray:
     since_s = time_s - time_s[np.repeat(starts, np.diff(starts, append=time_s.size))]
     even_s = max(FINEST_S, float(np.diff(time_s)[varying[1:]].sum()) / _MOST_VARYING)
     number = np.where(varying, np.floor(time_s / even_s), _interval_number(since_s))
-    new = np.concatenate([[True], number[1:] != number[:-1]])
-    new[edges] = True
-    gaps = find_gaps(time_s)
-    new |= gaps
-    new[:-1] |= gaps[1:]
-    new[edges[edges > 0] - 1] = True
-    new[-1] = True
-    return np.flatnonzero(new)
+    used = begins_interval(number, find_gaps(time_s))
+    used[edges] = True
+    used[edges[edges > 0] - 1] = True
+    return np.flatnonzero(used)
 
 
 def _interval_number(since_s: np.ndarray) -> np.ndarray:

@@ -96,6 +96,17 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     return np.concatenate([[False], dt_s > max(RECORDING_GAP_S, _GAP_INTERVALS * float(np.median(dt_s)))])
 
 
+def begins_interval(number: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """(T,) bool: True for the first sample of each numbered interval, for the last one, and at both ends of a gap.
+
+    number: (T,) of the interval in which a sample lies; gap: (T,) bool, True for the first sample after a gap.
+    """
+    begins = np.concatenate([[True], number[1:] != number[:-1]]) | gap
+    begins[:-1] |= gap[1:]
+    begins[-1] = True
+    return begins
+
+
 def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | None:
     """The charge counter among the log's extra columns that agrees with the current, or None.
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.identification.record import find_gaps
+from ohmward.battery.identification.record import begins_interval, find_gaps
 from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_temperature, is_voltage
@@ -128,7 +128,7 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     counted_s = np.where(gap, np.minimum(dt_s, CURRENT_GAP_S), dt_s)
     moved_Ah = np.cumsum(mean_A * counted_s) / SECONDS_PER_HOUR
     path = np.cumsum(np.where(gap, 0.0, _path_variance(dt_s, current_A, battery)))
-    used = _thinned(time_s, gap)
+    used = np.flatnonzero(begins_interval(np.floor((time_s - time_s[0]) / STEP_S), gap))
     return _Sanitized(
         name=log.name,
         time_s=time_s[used],
@@ -140,15 +140,6 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
         path_variance=np.diff(path[used], prepend=0.0),
         gaps=np.flatnonzero(gap[used]),
     )
-
-
-def _thinned(time_s: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Indices of the samples that begin a step, and of those at both ends of a gap."""
-    number = np.floor((time_s - time_s[0]) / STEP_S)
-    new = np.concatenate([[True], number[1:] != number[:-1]]) | gap
-    new[:-1] |= gap[1:]
-    new[-1] = True
-    return np.flatnonzero(new)
 
 
 def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) -> np.ndarray:
