@@ -25,9 +25,11 @@ def law(years: float, cycles: float, shape: float) -> AgeingLaws:
     return AgeingLaws(*(np.array([x]) for x in (years, cycles, shape, 0.0, 0.0)))
 
 
-def seen(of: AgeingLaws, months: int, rng: np.random.Generator, std: float = 0.02, a_day: float = 0.6) -> Track:
-    """Eight logs a month of a battery that follows one law."""
-    days = np.sort(rng.uniform(0.0, 30.4 * months, 8 * months))
+def seen(
+    of: AgeingLaws, months: int, rng: np.random.Generator, std: float = 0.02, a_day: float = 0.6, a_month: int = 8
+) -> Track:
+    """Some logs a month of a battery that follows one law."""
+    days = np.sort(rng.uniform(0.0, 30.4 * months, a_month * months))
     value = -of.loss(days, a_day * days)[0] + std * rng.standard_normal(days.size)
     return Track(days, a_day * days, value, np.full(days.size, std))
 
@@ -100,7 +102,7 @@ def test_the_time_left_covers_the_laws_that_made_the_data():
     inside, batteries = 0, 24
     for row in rng.choice(weight.size, batteries, p=weight / weight.sum()):
         truth = laws.chosen(np.array([row]))
-        track = seen(truth, 12, rng)
+        track = seen(truth, 12, rng, std=0.01, a_month=2)  # nearly as much as eight a month show
         days = np.linspace(0.0, 60 * 365.25, 20_000)
         worn = days[np.argmax(truth.loss(days, 0.6 * days)[0] >= WORN_LOSS)]
         left = max(worn - track.days[-1], 0.0) / 365.25
