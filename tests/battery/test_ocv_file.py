@@ -120,7 +120,8 @@ def drive_alone(name: str = "drive", seed: int = 5, soc: float = 1.0, ocv: OcvCu
 def test_drives_alone_identify_with_a_given_curve(tmp_path):
     path = write(tmp_path / "ocv.csv", soc=GRID, v=NMC_OCV.voltage_V)
     logs = [drive_alone("a", 5, 0.95), drive_alone("b", 6, 0.8)]
-    battery = identify(logs, capacity_Ah=2.0, ocv=path, initial_soc={"a": 0.95, "b": 0.8}, chemistry="nmc")
+    known = {"ocv": path, "initial_soc": {"a": 0.95, "b": 0.8}, "chemistry": "nmc"}
+    battery = identify(logs, capacity_Ah=2.0, model="thevenin-2rc", **known)
     soc = np.linspace(0.45, 0.95, 11)
     assert battery.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(np.asarray(NMC_OCV.mean_V(soc, 25.0)), abs=0.008)
     seen = np.array(battery.thevenin.r0_discharge_ohm)[9:19]

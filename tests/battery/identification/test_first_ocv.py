@@ -78,8 +78,8 @@ def test_without_a_chemistry_it_is_refused_with_what_would_help():
 
 def test_two_drives_of_one_cell_together():
     logs = [drive(0.95, 5, "monday"), drive(0.6, 6, "tuesday")]
-    known = {"monday": 0.95, "tuesday": 0.6}
-    battery = identify(logs, capacity_Ah=2.0, chemistry="nmc", initial_soc=known, ocv=NMC_OCV)
+    known = {"chemistry": "nmc", "initial_soc": {"monday": 0.95, "tuesday": 0.6}, "ocv": NMC_OCV}
+    battery = identify(logs, capacity_Ah=2.0, model="thevenin-2rc", **known)
     assert [fit.log for fit in battery.identification.logs] == ["monday", "tuesday"]
     assert np.array(battery.thevenin.r0_discharge_ohm)[6:18] == pytest.approx(0.030, rel=0.1)
 

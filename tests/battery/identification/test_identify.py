@@ -95,7 +95,7 @@ def test_low_rate_and_drive():
     time_s = np.arange(0.0, 4000.0, 4.0)
     current_A = np.where(time_s < 600, 0.0, np.repeat(rng.choice([-4, -2, 0, 1.5], 180), 10)[: time_s.size])
     drive = play(p, time_s, current_A, soc=1.0, std_V=0.001, name="drive")
-    battery = identify((*low_rate_logs(p), drive), capacity_Ah=2.0, chemistry="lfp")
+    battery = identify((*low_rate_logs(p), drive), capacity_Ah=2.0, chemistry="lfp", model="thevenin-2rc")
     assert battery.identification.capacity_measured_Ah == pytest.approx(2.0, rel=0.01)
     assert any(battery.thevenin.ocv.hysteresis_V)
     assert battery.noise.capacity_std_at_resistance == pytest.approx(0.044, abs=0.005)
@@ -120,12 +120,13 @@ def test_dated_pulses_from_full_to_empty_show_the_capacity_less_well():
     down_to_3_percent = pulse_phases(2.0)
     to_empty = play(cell(), *steps([*down_to_3_percent, (0.028 * 7200.0, -1.0, 20.0)]), soc=1.0, name="pulses")
     dated = replace(to_empty, start_unix_s=1.79e9)
-    noise = identify(dated, capacity_Ah=2.0, chemistry="nmc").noise
+    how = {"chemistry": "nmc", "model": "thevenin-1rc"}
+    noise = identify(dated, capacity_Ah=2.0, **how).noise
     assert (noise.capacity_known_unix_s, noise.capacity_known_std) == (dated.end_unix_s, 0.04)
     cold = replace(dated, temperature_degC=np.full(len(dated), 0.0))
     half = dated.between(0.0, 0.5 * dated.time_s[-1])
     for log, given_Ah in ((cold, 2.0), (half, 2.0), (dated, 2.12)):
-        found = identify(log, capacity_Ah=given_Ah, chemistry="nmc", initial_soc={"pulses": 1.0})
+        found = identify(log, capacity_Ah=given_Ah, initial_soc={"pulses": 1.0}, **how)
         assert found.noise.capacity_known_std == 0.0
 
 

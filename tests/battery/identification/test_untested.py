@@ -124,7 +124,8 @@ def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
 
 @pytest.mark.parametrize("chemistry", ["nmc", ""])
 def test_the_file_holds_the_prior_and_its_width(chemistry):
-    battery = identify(pulse_log(cell(), count=12, rest_s=1800.0), capacity_Ah=2.0, chemistry=chemistry)
+    log = pulse_log(cell(), count=12, rest_s=1800.0)
+    battery = identify(log, capacity_Ah=2.0, chemistry=chemistry, model="thevenin-1rc")
     prior = chemistry_prior(chemistry)
     assert battery.thevenin.activation_K == prior.activation_K.mean
     assert battery.thevenin.pair_activation_K == prior.pair_activation_K.mean
