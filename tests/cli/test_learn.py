@@ -79,7 +79,8 @@ def test_a_log_that_was_learnt_is_not_counted_again(label, as_json):
 
 
 def test_a_test_that_identified_the_battery_does_not_teach_it_once_more(label, as_json):
-    as_json("identify", "test.csv", "--capacity-ah", "12", "--n-series", "3", "--chemistry", "nmc", "-o", "tested.toml")
+    tested = ("test.csv", "--capacity-ah", "12", "--n-series", "3", "--chemistry", "nmc", "--model", "thevenin-1rc")
+    as_json("identify", *tested, "-o", "tested.toml")
     found = as_json("learn", "test.csv", "day.csv", "--battery", "tested.toml")
     assert [log["verdict"] for log in found["logs"]] == ["seen", "learnt"]
 
