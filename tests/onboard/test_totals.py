@@ -83,7 +83,8 @@ def test_they_go_on_where_the_time_of_a_robot_went_back():
     estimation.restart()
     assert estimation.soc is not None and estimation.soc.last is None
     hour(estimation, -2.0)
-    assert estimation.state.totals.charge_out_Ah == pytest.approx(4.0)
+    totals = estimation.state.totals
+    assert totals is not None and totals.charge_out_Ah == pytest.approx(4.0)
 
 
 def test_a_store_gives_those_of_its_rows(tmp_path):
