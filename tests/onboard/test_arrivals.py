@@ -85,6 +85,14 @@ def test_two_senders_whose_clocks_differ_do_not_hold_each_other_up():
     assert all(len(several) == 1 for several in found[round(LONGEST_WAIT_S / 0.1) + 2 :])
 
 
+def test_a_source_that_invents_publishers_shares_a_clock_for_them(monkeypatch):
+    monkeypatch.setattr(arrivals, "MOST_CLOCKS", 10)
+    arriving = Arrivals()
+    for k in range(100):
+        arriving.put(Message(1.0 + 0.1 * k, 5.0 + 0.1 * k, "mqtt", {}, f"topic/{k}"))
+    assert len(arriving._clocks) == 11
+
+
 def test_what_waits_at_the_end_is_not_lost():
     arriving = Arrivals()
     sent = [pair for pair in messages() if pair[0] < LIVE_S]

@@ -85,6 +85,7 @@ def test_topics_become_messages(tmp_path):
         {"wheel_speed_rad_s.0": 1.0, "wheel_speed_rad_s.1": 2.0},
     ]
     assert got[0].stamp_s == 7.0 and math.isnan(got[1].stamp_s)
+    assert got[0].publisher == "robot/bms"  # whose clock need not be that of another topic
 
 
 def test_states_are_retained_and_the_will_says_offline(tmp_path):

@@ -16,6 +16,9 @@ from ohmward.onboard.message import Message
 #: Most messages that wait, and the longest that one waits; a burst beyond them has the times of its receipt.
 MOST_WAITING, LONGEST_WAIT_S = 10_000, 2.0
 
+#: Most clocks; further publishers of a source share one, so that one that invents names does not fill the memory.
+MOST_CLOCKS = 1000
+
 
 class Arrival(NamedTuple):
     """A message and the time of its measurement on our clock."""
@@ -42,10 +45,7 @@ class Arrivals:
         """The message, and those that have waited, unless it has to wait itself."""
         if not math.isfinite(message.stamp_s):
             return [*self.due(message.received_s), Arrival(message, message.received_s, False)]
-        publisher = message.source, message.publisher
-        if (clock := self._clocks.get(publisher)) is None:
-            window_s = math.inf if message.source in self._own else DELAY_WINDOW_S
-            clock = self._clocks[publisher] = SourceClock(window_s)
+        clock = self._clock(message.source, message.publisher)
         steps = clock.steps
         clock.observe(message.stamp_s, message.received_s)
         was_set = clock.steps > steps
@@ -55,6 +55,15 @@ class Arrivals:
         self._held.add(clock)
         self._waiting.append((clock, message, was_set))
         return self.due(message.received_s)
+
+    def _clock(self, source: str, publisher: str) -> SourceClock:
+        if (found := self._clocks.get((source, publisher))) is not None:
+            return found
+        if publisher and len(self._clocks) >= MOST_CLOCKS:
+            return self._clock(source, "")
+        window_s = math.inf if source in self._own else DELAY_WINDOW_S
+        found = self._clocks[source, publisher] = SourceClock(window_s)
+        return found
 
     def due(self, now_s: float) -> list[Arrival]:
         """Messages that have waited long enough, in the order of their times."""

@@ -1,7 +1,7 @@
 """MQTT: topics with a number each, or with JSON objects.
 
 What the broker has retained from before the subscription is left out: nobody knows when it was measured, or whether
-anybody still measures it.
+anybody still measures it. Devices stamp with clocks of their own, so each topic has one.
 """
 
 from __future__ import annotations
@@ -68,4 +68,4 @@ class MqttSource(MqttBroker):
         if self.topics:
             values = own_names(found) | values
         stamp_s = as_number(found.get(self.time, math.nan))
-        return Message(stamp_s, received_s, self.name, values) if values else None
+        return Message(stamp_s, received_s, self.name, values, topic) if values else None
