@@ -147,10 +147,20 @@ class TomlFile(Generic[T]):
             if not isinstance(value, list):
                 raise InputError(f"{place} must be a list of tables [[{place}]], got {value!r}")
             return tuple(self._from_value(get_args(hint)[0], row, f"{place}[{i}]") for i, row in enumerate(value))
+        if get_origin(hint) is dict and _classes(get_args(hint)[1]) and isinstance(value, dict):
+            return {key: self._from_entry(get_args(hint)[1], v, f"{place}[{key}]") for key, v in value.items()}
         classes = _classes(hint)
         if len(classes) > 1 or (isinstance(value, dict) and "kind" in value and self.kinds.keys() & set(classes)):
             return self._from_choice(classes, value, place)
         return self._from_table(classes[0], value, place) if classes else _converted(hint, value, place)
+
+    def _from_entry(self, hint: Any, value: Any, place: str) -> Any:
+        """An entry that is a table or a plain value, such as a signal with or without its scale."""
+        return (
+            self._from_table(_classes(hint)[0], value, place)
+            if isinstance(value, dict)
+            else _converted(hint, value, place)
+        )
 
     def _from_choice(self, classes: list[type], table: Any, place: str) -> Any:
         """An instance of the class that `kind` names."""
@@ -225,7 +235,8 @@ def _join(place: str, key: str) -> str:
 
 def _advice(key: str, names: list[str]) -> str:
     stem = key.rsplit("_", 1)[0]
-    near = [n for n in names if n.rsplit("_", 1)[0] == stem] or difflib.get_close_matches(key, names, n=1)
+    of_stem = [n for n in names if n.rsplit("_", 1)[0] == stem]
+    near = difflib.get_close_matches(key, of_stem or names, n=1, cutoff=0.0 if of_stem else 0.6)
     return f"; did you mean {near[0]}? Units are part of the names" if near else f"; there are: {', '.join(names)}"
 
 

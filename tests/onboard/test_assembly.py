@@ -4,7 +4,8 @@ import pytest
 
 from ohmward import InputError, generic_battery, save_battery
 from ohmward.onboard.assembly import assemble, sinks_of
-from ohmward.onboard.robot_setup import Setup
+from ohmward.onboard.message import ScaledSignal
+from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.page import PageSink
@@ -58,3 +59,37 @@ def test_the_name_of_the_setup_is_that_of_the_robot_in_every_sink_that_has_none_
     found: list[Any] = [*sinks_of(Setup(name="cart", robot="rlma", sink=sinks))]
     page, mqtt, influx, other = found
     assert (page.robot, mqtt.topic, influx.robot, other.robot) == ("cart", "ohmward/cart", "cart", "cart 2")
+
+
+JSON_SETUP = """
+format = "ohmward-setup/1"
+battery = "battery.toml"
+HEAD
+[[source]]
+kind = "json-lines"
+[source.signals]
+battery_current_A = SIGNAL
+"""
+
+
+@pytest.mark.parametrize(
+    ("head", "signal", "message"),
+    [
+        ("", '{name = "I", scal = 0.001}', r"signals\[battery_current_A\].scal is not a key .* did you mean scale"),
+        ("", '{name = "I", scale = 0.0}', r"signals\[battery_current_A\]: scale must not be 0"),
+        ("", "{scale = 2.0}", r"signals\[battery_current_A\].name is missing"),
+        ("", "5", r"signals\[battery_current_A\]: expected"),
+        ("counts_per_turn = 0.0", '"I"', "counts_per_turn must be > 0"),
+        ("[alarms]\nsoc_lo = 0.2", '"I"', "alarms.soc_lo is not a key .* did you mean soc_low"),
+    ],
+)
+def test_a_slip_of_the_pen_in_a_setup_is_named(head, signal, message):
+    with pytest.raises(InputError, match=message):
+        SETUP_FILE.parse(JSON_SETUP.replace("HEAD", head).replace("SIGNAL", signal))
+
+
+def test_a_signal_has_a_scale_where_one_is_given():
+    setup = SETUP_FILE.parse(JSON_SETUP.replace("HEAD", "").replace("SIGNAL", '{name = "I", scale = 0.001}'))
+    (source,) = setup.source
+    assert isinstance(source, JsonLinesSource)
+    assert source.signals == {"battery_current_A": ScaledSignal("I", 0.001)}

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import product
 
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.onboard.alarms import AlarmLimits
 from ohmward.onboard.ros.transport import require_others_topics
@@ -33,7 +33,7 @@ class Setup:
     learn: bool = False  #: update the battery file from day to day, in the folder `state`
     strict: bool = False  #: refuse to start if a source or sink cannot; otherwise the process starts with the rest
     delay_s: float = 0.0  #: time to wait for late messages of other sources, >= 0
-    counts_per_turn: float | None = None  #: of encoders that send counts
+    counts_per_turn: float | None = None  #: of encoders that send counts, > 0
     alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: limits beyond which an alarm is raised
     #: origin of the measurements and destination of the estimates, each with its `kind`
     source: tuple[AnySource, ...] = ()
@@ -41,6 +41,8 @@ class Setup:
 
     def __post_init__(self) -> None:
         require_between("delay_s", self.delay_s, 0.0, 10.0)
+        if self.counts_per_turn is not None:
+            require_positive("counts_per_turn", self.counts_per_turn)
         if self.battery is None and self.robot is None:
             raise InputError('nothing to estimate: give battery = "battery.toml", robot = "robot.toml" or both')
         for kind, parts in (("source", self.source), ("sink", self.sink)):
