@@ -16,7 +16,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Process
-from ohmward.onboard.ros.transport import require_others_topics
+from ohmward.onboard.ros.transport import require_others_topics, require_topics
 from ohmward_ros.node import End
 from ohmward_ros.parameters import IN, OUT, PARAMETERS, descriptor_of
 from ohmward_ros.settings import setup_of
@@ -53,7 +53,8 @@ def read_parameters(node: Any) -> dict[str, Any]:
     """Values of the parameters by name, which are declared on the node.
 
     Raises:
-        InputError: a value of another type; with its namespace and remaps the node would hear what it sends.
+        InputError: a value of another type, or a topic that cannot be; with its namespace and remaps the node would
+            hear what it sends.
     """
     found: dict[str, Any] = {"use_sim_time": node.get_parameter("use_sim_time").value}
     for name, (default, _) in PARAMETERS.items():
@@ -62,6 +63,7 @@ def read_parameters(node: Any) -> dict[str, Any]:
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             given = node._parameter_overrides[name].value
             raise InputError(f"parameter {name} must be {_kind(default, given)}, got {given!r}") from error
+    require_topics({name: found[name] for name in (*IN, *OUT)})
     heard, sent = ({n: node.resolve_topic_name(found[n]) for n in names if found[n]} for names in (IN, OUT))
     require_others_topics(heard, sent)
     return found

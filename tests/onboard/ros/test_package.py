@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import types
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,6 +17,8 @@ import ohmward
 from ohmward.errors import InputError
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sources.ros2 import Ros2Source
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros" / "ohmward_ros"
@@ -140,6 +143,14 @@ def test_a_setup_that_would_hear_itself_is_refused(source, sink, message):
 )
 def test_a_setup_that_hears_others_is_taken(source, sink):
     SETUP_FILE.parse(ROS2_SETUP.replace("SOURCE", source).replace("SINK", sink))
+
+
+@pytest.mark.parametrize("topic", ["/imu//data", "imu data", "7imu", "imu/", "/", "imü"])
+def test_a_topic_that_cannot_be_is_refused(topic):
+    for part in (partial(Ros2Source, imu=topic), partial(Ros2Sink, twist=topic)):
+        with pytest.raises(InputError, match="must be a topic of words of letters, digits and _"):
+            part()
+    assert Ros2Source(imu="~/imu", battery_state="/bms_1/state").imu == "~/imu"
 
 
 @pytest.mark.parametrize("given", ["seven", "233", "-1"])

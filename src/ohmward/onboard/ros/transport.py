@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -25,6 +26,9 @@ Receive = Callable[[bytes], None]
 
 #: Largest domain of ROS 2: beyond it there are no UDP ports.
 MOST_DOMAIN = 232
+
+#: A topic of ROS 2: relative, absolute, or below the node.
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 #: Time that the thread of a node has to end [s].
 _SPIN_END_S = 2.0
@@ -153,6 +157,16 @@ class SharedNode:
 
     def _open(self) -> Transport:
         return self._network.open() if self._node is None else RclpyTransport(self._node)
+
+
+def require_topics(topics: Mapping[str, str]) -> None:
+    """Raise InputError for a topic that ROS does not take; topics: setting -> topic, "" where there is none."""
+    for setting, topic in topics.items():
+        if topic and not _TOPIC.fullmatch(topic):
+            raise InputError(
+                f"{setting} must be a topic of words of letters, digits and _ with / between them, none of which "
+                f"begins with a digit, got {topic!r}"
+            )
 
 
 def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> None:

@@ -18,7 +18,7 @@ from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
-from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
+from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
 from ohmward.quantities import names_of
 
 #: Most states that waited for the network to be sent once it is there, as a writer keeps that many: readers of poses
@@ -51,6 +51,7 @@ class Ros2Sink(RosNetwork):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_topics(self.topics())
         require_between("interval_s", self.interval_s, 0.0, 3600.0)
         require_between("slow_s", self.slow_s, 0.0, 3600.0)
         require_one_of("percentage", self.percentage, ("mean", "low"))

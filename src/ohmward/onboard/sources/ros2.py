@@ -20,7 +20,7 @@ from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.messages import FULL
-from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
+from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
 from ohmward.quantities import QUANTITIES
 from ohmward.traction.robot.urdf import rotation
 
@@ -63,6 +63,7 @@ class Ros2Source(RosNetwork):
         super().__post_init__()
         if not any(self.topics().values()):
             raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
+        require_topics(self.topics())
         require_length("imu_rpy", self.imu_rpy, 3, "roll, pitch and yaw of the inertial unit")
 
     async def run(self, put: Put) -> None:
