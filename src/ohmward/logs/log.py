@@ -204,9 +204,9 @@ def read_log(
         current_A, notes = with_direction(table.columns[name], table.columns[state], state)
         return table.with_columns({name: current_A}, *notes)
 
-    rows = read_recording(file, chosen, wanted, to_numbers)
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
-    return _as_log(file, rows, current_sign, left_out).part(file.hints)
+    # no name here: what is merged is no longer in memory as it was read
+    return _as_log(file, read_recording(file, chosen, wanted, to_numbers), current_sign, left_out).part(file.hints)
 
 
 def _with_further(error: UnclearColumnsError, columns: Mapping[str, str], read: Callable[..., Log]) -> InputError:
@@ -295,7 +295,8 @@ def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
 def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:
     """Build the log from the rows of one recording, without the columns in `left_out`."""
     chosen = rows.columns
-    table = clean.merge_rates(rows.table, chosen)
+    rows = rows._replace(table=clean.merge_rates(rows.table, chosen))
+    table = rows.table
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = measured["time"], rows.start_unix_s
     wall_clock = next((table.columns[name] for name in BDF_NAMES["unix_time_s"] if name in table.columns), None)

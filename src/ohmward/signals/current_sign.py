@@ -106,11 +106,10 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     if not known.all():
-        time_s = time_s[known]
         current_A = current_A[known]
         voltage_V = voltage_V[known]
     edges = edge_test(current_A, voltage_V)
-    trend = trend_test(time_s, current_A, voltage_V)
+    trend = trend_test(time_s[known], current_A, voltage_V)
     clear = {edges.sign, trend} - {0}
     changes = 0 if clear else change_test(current_A, voltage_V)
     signs = clear or {changes}
@@ -162,7 +161,8 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     dI, dV = np.diff(current_A), np.diff(voltage_V)
     some = slice(None, None, max(dI.size // _NOISE_FROM, 1))
     size = np.abs(dI)
-    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * np.abs(current_A).max(initial=0.0), _LEAST_EDGE_A)
+    largest_A = max(-current_A.min(initial=0.0), current_A.max(initial=0.0))
+    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * largest_A, _LEAST_EDGE_A)
     edge = (size >= least) & (size > 6.0 * spread(dI[some]))
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)

@@ -128,15 +128,15 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     """
     finder = _finder(battery)
     found: list[Anchor] = []
-    currents_A = []
+    current_A = np.empty(len(log))
     for first, output in _outputs(log, finder):
-        currents_A.append(output.current_A)
+        current_A[first : first + _STRETCH] = output.current_A[: len(log) - first]
         found += _anchors_inside(log, first, finder.rule, output)
     said = SocNormal(1.0, finder.rule.limits.full_std)
     found += [_anchor("full charge", k, said, log, name) for name, k in log.full_charges()]
     found.sort(key=lambda anchor: anchor.sample)
     apart_As = AGAIN * finder.rule.model.capacity_As
-    return tuple(_without_repeats(found, log.time_s, np.concatenate(currents_A), apart_As))
+    return tuple(_without_repeats(found, log.time_s, current_A, apart_As))
 
 
 class JudgedAnchor(NamedTuple):
