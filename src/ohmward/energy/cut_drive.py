@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
-from ohmward.energy.leg import Stretch, joined
+from ohmward.energy.leg import STRETCH_S, Stretch, joined
 from ohmward.errors import InputError
 from ohmward.runs import runs
 
@@ -36,7 +36,7 @@ class Driven(NamedTuple):
 class Cut:
     """Rules for cutting a drive into stretches."""
 
-    longest_s: float = 180.0  #: longest stretch
+    longest_s: float = STRETCH_S  #: longest stretch
     standing_m_s: float = 0.03  #: below this speed the robot stands, if it does so for at least `standing_s`
     standing_s: float = 5.0  #: shortest time of standing
     gap_s: float = 10.0  #: a longer step between two samples is not bridged

@@ -12,13 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.energy.leg import STRETCH_S
 from ohmward.logs.log import Log
 from ohmward.quantities import SECONDS_PER_HOUR
 
 #: Time [s] for which a peak of power must last to count: a protection opens after some seconds.
 PROTECTION_OPENS_S = 3.0
-#: Time constant of the mean load [s].
-_MEAN_S = 180.0
 #: Longest gap [s] over which the charge is counted; after a longer one the count restarts.
 _INTERRUPTED_S = 60.0
 #: Share of the cut-off voltage above it at which a discharge counts as ended.
@@ -34,7 +33,7 @@ class DischargeEnd(NamedTuple):
     start_soc: float  #: state of charge from which it was counted
     start_soc_std: float  #: its standard deviation
     hours: float  #: duration of the count
-    #: at the end: mean current out of the battery over some minutes, current and voltage sustained for some seconds
+    #: at the end: current out of the battery over the time of a stretch, and current and voltage held for some seconds
     mean_A: float
     last_A: float
     voltage_V: float
@@ -48,7 +47,7 @@ class DischargeMeter(NamedTuple):
     start_soc_std: float = 0.0
     given_Ah: float = 0.0  #: since then
     seconds: float = 0.0  #: likewise
-    mean_A: float = 0.0  #: out of the battery, over some minutes
+    mean_A: float = 0.0  #: out of the battery, over the time of a stretch
     #: power out of the battery and voltage, sustained for some seconds
     held_W: float = 0.0
     held_V: float = math.nan
@@ -72,7 +71,7 @@ class DischargeMeter(NamedTuple):
         counted = self._replace(
             given_Ah=self.given_Ah + given_A * dt_s / SECONDS_PER_HOUR,
             seconds=self.seconds + dt_s,
-            mean_A=self.mean_A + (1.0 - math.exp(-dt_s / _MEAN_S)) * (given_A - self.mean_A),
+            mean_A=self.mean_A + (1.0 - math.exp(-dt_s / STRETCH_S)) * (given_A - self.mean_A),
         )
         if not math.isfinite(current_A * voltage_V):
             return counted

@@ -13,14 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.energy.consumption import Consumption, design_row, moving_time_s
-from ohmward.energy.leg import Stretch
+from ohmward.energy.leg import STRETCH_S, Stretch
 from ohmward.energy.points import normal_tail
 
 #: Prior of the ratio of peak to mean, that of a stretch of three minutes over uneven ground with starts; standard
 #: deviation of its logarithm; weight of this prior in stretches.
 _USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 1.0
-#: Duration of a stretch [s]; a longer planned leg counts as several.
-_STRETCH_S = 180.0
 #: Shortest stretch with a peak of its own [s].
 PEAKED_S = 10.0
 #: Step of the grid of powers, in their logarithm.
@@ -69,7 +67,7 @@ def peaks_of_way(c: Consumption, way: Sequence[Stretch], ratio: PeakRatio) -> Pe
     """Peaks along a route; none where the robot only stands."""
     moving = [s for s in way if s.distance_m > 0.0]
     means_W = np.array([mean_power_W(c, s) for s in moving])
-    counts = np.array([max(moving_time_s(s) / _STRETCH_S, 1.0) for s in moving])
+    counts = np.array([max(moving_time_s(s) / STRETCH_S, 1.0) for s in moving])  # a long leg is several
     if not (means_W > 0.0).any():
         return Peaks(np.zeros(1), np.zeros(1))
     ratio_mean, ratio_std = ratio.expected

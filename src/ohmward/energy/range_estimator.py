@@ -62,7 +62,7 @@ class RangeEstimator:
     >>> now.distance_m.p10 < now.distance_m.p50 < now.distance_m.p90
     True
 
-    A forecast takes some hundredths of a second, so it is renewed every `refresh_s` and held in between.
+    A forecast takes about a hundredth of a second, so it is renewed every `refresh_s` and held in between.
 
     Args:
         battery: identified or generic.
