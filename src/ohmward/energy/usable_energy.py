@@ -27,7 +27,6 @@ factor; an earlier discharge that ended at the cut-off narrows it, together with
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
 
@@ -49,7 +48,7 @@ from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR
 #: resistance in standard deviations, and lags over the expected one.
 _GRID = np.linspace(0.0, 1.0, 251)
 _RESISTANCES = np.array([-3.8, -2.6, -1.9, -1.4, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0, 1.4, 1.9, 2.6, 3.8])
-_LAGS = np.array([0.0, 1.0, 3.0, 9.0])
+_LAGS, _USUAL_LAG = np.array([0.0, 1.0, 3.0, 9.0]), 1
 #: Duration [s] of a peak of power: rough ground, the start of a climb.
 PEAK_LASTS_S = 10.0
 #: Lag T [s] of diffusion and the standard deviation of its logarithm. The slower electrode of published parameter sets
@@ -195,7 +194,7 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     """Batteries at the points (5, N), and the curves to interpolate.
 
     By Bayes' rule, the points count by how likely such batteries are to have done what this one has: survived the way
-    up to here, and given its charge down to an earlier end.
+    up to here, as far as their resistance decides, and given its charge down to an earlier end.
     """
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
     sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
@@ -217,7 +216,7 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     )
     unlikely = np.zeros(soc.shape)
     if state.began_soc > state.soc and curves.peaks is not None:
-        unlikely += _failures(curves.peaks, state, drawn)
+        unlikely += _failures(curves.peaks[min(_USUAL_LAG, len(curves.peaks) - 1)], state, drawn.resistance)
     if state.end is not None:
         unlikely += _misfit(battery, state, state.end, capacity, lag_s, drawn.resistance)
     return drawn.rows(_resampled(unlikely)) if np.ptp(unlikely) > _ALIKE else drawn, curves
@@ -237,14 +236,16 @@ def _resampled(unlikely: np.ndarray) -> np.ndarray:
     return np.searchsorted(upto, (np.arange(len(upto)) + 0.5) / len(upto) * upto[-1])
 
 
-def _failures(peaks: Sequence[np.ndarray], state: BatteryState, drawn: _Drawn) -> np.ndarray:
-    """(N,) expected number n of peaks that a battery could not have delivered since `began_soc`; exp(-n) survive."""
-    since = [
-        np.array([np.interp(state.soc, _GRID, column) - np.interp(state.began_soc, _GRID, column) for column in lag.T])
-        for lag in peaks
-    ]
-    at = np.stack([_at_resistance(of_lag[None], drawn.resistance)[0] for of_lag in since])
-    return _between_levels(at, drawn.lag)
+def _failures(peaks: np.ndarray, state: BatteryState, resistance: _Between) -> np.ndarray:
+    """(N,) expected number n of peaks that a battery could not have delivered since `began_soc`; exp(-n) survive.
+
+    peaks: (K, R) at the usual lag. With the lag of each point, survival would prove that it is short: but the peaks
+    behind were only similar to those ahead.
+    """
+    now, began = (
+        np.array([np.interp(soc, _GRID, column) for column in peaks.T]) for soc in (state.soc, state.began_soc)
+    )
+    return _at_resistance((now - began)[None], resistance)[0]
 
 
 def _misfit(
