@@ -170,7 +170,8 @@ def test_bus_off_is_named_and_over_once_the_bus_is_back(database, channel, monke
         with can.Bus(interface="virtual", channel=channel) as bus:
             await asyncio.sleep(0.3)
             bus.send(frame(database, "BMS", Current=-3, Voltage=26, Temperature=20, Cell=0))
-            await asyncio.sleep(0.1)
+            while not [state for state in states if state.sample]:  # the first one waits until its clock is known
+                await asyncio.sleep(0.02)
             bus.send(can.Message(is_error_frame=True, arbitration_id=0x40, data=bytes(8)))
             await asyncio.sleep(0.1)
             named.append(process.diagnostics["source can"])
