@@ -20,6 +20,7 @@ from ohmward import SocEstimator, SocFlag, generic_battery, load_battery, save_b
 from ohmward.errors import OhmwardError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.resume import remember, resume
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.state_folder import (
     CONSUMPTION,
     IN_USE,
@@ -330,6 +331,31 @@ def test_the_consumption_table_goes_on_across_days(tmp_path, battery):
     assert table and estimation.range
     assert table.mean == pytest.approx(estimation.range.consumption.mean)
     second.close()
+
+
+def test_a_drive_that_ended_at_the_cutoff_is_in_the_consumption_table_of_the_next_day(tmp_path, battery):
+    setup = Setup(battery="battery.toml", robot="rlma", cutoff_V=12.8)
+    first = folder(tmp_path, FakeClock())
+    estimation = Estimation(battery, RLMA, cutoff_V=setup.cutoff_V)
+    for k in range(1400):
+        values = {"battery_current_A": -10.0, "battery_voltage_V": 16.4 - 0.0026 * k}
+        estimation.put(2.0 * k, values | {f"wheel_speed_rad_s.{j}": 4.0 for j in range(4)})
+    first.write(estimation, 2800.0)
+    first.close()
+    second = folder(tmp_path, FakeClock())
+    table, _ = second.consumption()
+    second.close()
+    assert table and table.end
+    assert table.end.voltage_V == pytest.approx(12.8, abs=0.05)
+    assert table.end.given_Ah == pytest.approx(10.0 * table.end.hours)
+
+
+def test_a_cutoff_stays_where_a_drive_goes_on_after_a_restart(battery):
+    before = Estimation(battery, RLMA, cutoff_V=12.8)
+    after = Estimation(battery, RLMA, cutoff_V=12.8)
+    for away_s in (20.0, 12 * 3600.0):
+        resume(after, remember(before, 1300.0), away_s, 5.0)
+        assert after.range and after.range.settings.cutoff_V == 12.8
 
 
 def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):

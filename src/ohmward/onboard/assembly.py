@@ -162,4 +162,5 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         setup.counts_per_turn,
         days,
         time.time(),
+        setup.cutoff_V,
     )

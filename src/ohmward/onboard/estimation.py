@@ -65,6 +65,7 @@ class Estimation:
         counts_per_turn: of the encoders, if they send counts; without it counts are ignored.
         days: time since the last drive in the consumption.
         unix_s: Unix time at which the estimators start [s], see `SocEstimator`.
+        cutoff_V: voltage of the battery at which the robot stops; 0 if nothing monitors it.
     """
 
     def __init__(
@@ -76,14 +77,17 @@ class Estimation:
         counts_per_turn: float | None = None,
         days: float = 0.0,
         unix_s: float | None = None,
+        cutoff_V: float = 0.0,
     ):
-        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days, unix_s
+        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days, unix_s, cutoff_V
         self.battery, self.robot, self.unix_s, self.counts_per_turn = battery, robot, unix_s, counts_per_turn
         self.soc = SocEstimator(battery, unix_s=unix_s) if battery else None
         self.cells: PackEstimator | None = None
         self.slip = SlipEstimator(robot) if robot else None
         self.odometry = Odometry(robot) if robot else None
-        self.range = RangeEstimator(battery, consumption or robot, days) if battery and robot else None
+        self.range = None
+        if battery and robot:
+            self.range = RangeEstimator(battery, consumption or robot, days, cutoff_V=cutoff_V)
         self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0

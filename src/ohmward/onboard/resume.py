@@ -177,12 +177,13 @@ def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: fl
     """Continue the drive after a short interruption; otherwise begin a new one with the learnt consumption."""
     if "range" not in content or estimation.range is None or estimation.battery is None:
         return []
+    cutoff_V = estimation.range.settings.cutoff_V
     try:
-        before = RangeEstimator.restore(estimation.battery, content["range"])
+        before = RangeEstimator.restore(estimation.battery, content["range"], cutoff_V=cutoff_V)
     except InputError:
         return ["the previous drive cannot be continued: battery or settings have changed; a new one starts"]
     if away_s <= DRIVE_S:
         estimation.range = before
     else:
-        estimation.range = RangeEstimator(estimation.battery, before.consumption, away_s / DAY_S)
+        estimation.range = RangeEstimator(estimation.battery, before.consumption, away_s / DAY_S, cutoff_V=cutoff_V)
     return []

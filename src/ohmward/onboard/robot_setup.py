@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import product
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.onboard.alarms import AlarmLimits
 from ohmward.onboard.ros.transport import require_others_topics
@@ -34,6 +34,7 @@ class Setup:
     strict: bool = False  #: refuse to start if a source or sink cannot; otherwise the process starts with the rest
     delay_s: float = 0.0  #: time to wait for late messages of other sources, >= 0
     counts_per_turn: float | None = None  #: of encoders that send counts, > 0
+    cutoff_V: float = 0.0  #: voltage of the battery at which the robot stops, for its range; 0 if nothing monitors it
     alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: limits beyond which an alarm is raised
     #: origin of the measurements and destination of the estimates, each with its `kind`
     source: tuple[AnySource, ...] = ()
@@ -43,6 +44,7 @@ class Setup:
         require_between("delay_s", self.delay_s, 0.0, 10.0)
         if self.counts_per_turn is not None:
             require_positive("counts_per_turn", self.counts_per_turn)
+        require_each_not_negative("", self, "cutoff_V")
         if self.battery is None and self.robot is None:
             raise InputError('nothing to estimate: give battery = "battery.toml", robot = "robot.toml" or both')
         for kind, parts in (("source", self.source), ("sink", self.sink)):
