@@ -8,12 +8,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from logs.formats.containers import old_workbook
 from logs.formats.mutation import damaged, written
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
 from ohmward.logs.battery_columns import find_cells
+from ohmward.logs.read import open_table
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -132,6 +134,32 @@ def test_a_gzip_file_that_unpacks_to_far_more_than_a_log_is_refused(tmp_path, mo
     with pytest.raises(
         InputError, match=r"log.csv.gz: the gzip file unpacks to more than .* unpack it with gunzip first"
     ):
+        read_log(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_the_arrays_of_matlab_are_those_that_scipy_reads(tmp_path, compressed):
+    t = np.arange(30.0)
+    arrays = {"t": t, "small": t.astype("i1"), "count": t.astype("u2"), "single": t.astype("f4"), "on": t > 5}
+    fields = {"meas": {"t": t + 1, "name": "4S", "count": 3.0}, "z": t + 1j}
+    path = tmp_path / "log.mat"
+    savemat(path, {**arrays, "log": fields, "note": "4S"}, do_compression=compressed)
+    table = open_table(path).load(("t", "small", "count", "single", "on", "log.meas.t"))
+    assert {*table.columns} == {*arrays, "log.meas.t"}
+    np.testing.assert_array_equal(table.columns["log.meas.t"], t + 1)
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(table.columns[name], values)
+
+
+def test_a_matlab_file_with_an_element_of_no_type_is_refused(tmp_path):
+    """The reader of scipy ends the process."""
+    path = tmp_path / "log.mat"
+    savemat(path, {"time_s": np.arange(30.0), "current_A": np.ones(30)})
+    content = bytearray(path.read_bytes())
+    at = content.index(struct.pack("<II", 9, 240))
+    content[at] = 66
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="no readable MATLAB file"):
         read_log(path)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import struct
 import warnings
 import zipfile
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.csv_layout import UNPACKED_BYTES, UNPACKED_TIMES
 from ohmward.logs.frame import plain_array, values_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Opener, Table, TableFile, file_of, parsing, row_numbers
@@ -25,13 +28,13 @@ _KINDS = "biufmM"
 
 def open_matlab(path: Path, hints: FileHints) -> TableFile:
     """The columns of a MATLAB file of version 5 to 7.2: vectors, fields of structures."""
-    matlab = require("scipy.io", "a MATLAB file")
     with parsing(path, "no readable MATLAB file", "save it again with save(..., '-v7')"):
-        content = matlab.loadmat(str(path), squeeze_me=True, struct_as_record=False)
-    named = {name: value for name, value in content.items() if not name.startswith("__")}
-    return open_arrays(
-        path.name, dict(_fields(named)), hints, "; write a table of MATLAB with writetable(T, 'log.csv')"
-    )
+        content = path.read_bytes()
+        order = "<" if content[126:128] == b"IM" else ">"
+        arrays = dict(
+            one for kind, part in _elements(content[128:], order) for one in _matlab_arrays(kind, part, order)
+        )
+    return open_arrays(path.name, arrays, hints, "; write a table of MATLAB with writetable(T, 'log.csv')")
 
 
 def open_hdf5(path: Path, hints: FileHints) -> TableFile:
@@ -97,13 +100,63 @@ def open_arrays(
     return file_of(table, hints)
 
 
-def _fields(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Arrays among the variables and, at any depth, in the fields of structures."""
-    for name, value in content.items():
-        if hasattr(value, "_fieldnames"):
-            yield from _fields({field: getattr(value, field) for field in value._fieldnames}, f"{before}{name}.")
-        elif isinstance(value, np.ndarray) and value.dtype.kind in f"{_KINDS}U":
-            yield f"{before}{name}", value
+#: Types of the elements of a MATLAB file, and of the numbers of its classes (MAT-File Format, tables 1-1 and 1-3).
+_TYPES = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+    16: "u1",
+    17: "u2",
+}
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
+_MATRIX, _PACKED = 14, 15
+_STRUCTURE, _TEXT, _COMPLEX = 2, 4, 0x800
+
+
+def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and content of each element; order: of the bytes in a number, `<` or `>`."""
+    at = 0
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        if kind >> 16:  # of up to four bytes, with the size in the upper half of the type
+            yield kind & 0xFFFF, content[at + 4 : at + 4 + min(kind >> 16, 4)]
+            at += 8
+        else:
+            yield kind, content[at + 8 : at + 8 + size]
+            at += 8 + size + (-size % 8 if kind != _PACKED else 0)
+
+
+def _matlab_arrays(kind: int, content: bytes, order: str, before: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """Name and values of the arrays in a variable: of numbers, of lines of text, and of fields at any depth."""
+    if kind == _PACKED:
+        unpacking = zlib.decompressobj()
+        unpacked = unpacking.decompress(content, max(UNPACKED_BYTES, UNPACKED_TIMES * len(content)))
+        if not unpacking.eof:
+            raise ValueError("a variable is cut off, or unpacks to far more than a log")
+        for inner_kind, inner in _elements(unpacked, order):
+            yield from _matlab_arrays(inner_kind, inner, order, before)
+    parts = list(_elements(content, order)) if kind == _MATRIX else []
+    if len(parts) < 4:
+        return
+    flags, shape = (np.frombuffer(part, f"{order}{_TYPES[type_]}") for type_, part in parts[:2])
+    class_, name = int(flags[0]) & 0xFF, before + parts[2][1].decode(errors="replace")
+    if class_ == _STRUCTURE and shape.prod() == 1:
+        length = int.from_bytes(parts[3][1], "little" if order == "<" else "big")
+        fields = [parts[4][1][k : k + length].partition(b"\0")[0] for k in range(0, len(parts[4][1]), length)]
+        for field, (field_kind, part) in zip(fields, parts[5:], strict=False):
+            yield from _matlab_arrays(field_kind, part, order, f"{name}.{field.decode(errors='replace')}")
+    elif (class_ in _CLASSES and not flags[0] & _COMPLEX and name) or (class_ == _TEXT and shape[0] > 1):
+        type_, part = parts[3]
+        data = np.frombuffer(part, f"{order}{_TYPES[type_]}").reshape(shape, order="F")
+        lines = ["".join(map(chr, line)) for line in data.tolist()] if class_ == _TEXT else []
+        yield name, np.array(lines) if class_ == _TEXT else np.squeeze(data).astype(_CLASSES[class_])
 
 
 def _decoded(values: np.ndarray) -> np.ndarray:

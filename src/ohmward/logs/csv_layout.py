@@ -147,7 +147,7 @@ _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
 _LAYOUT_BYTES = 1 << 16
 #: A gzip file may unpack to this many bytes, or to this many times its size: logs shrink by a factor of 3 to 20.
-UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 100
+UNPACKED_BYTES, UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
 # Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
 _DELIMITERS = "\t;,|"
@@ -221,10 +221,10 @@ class _LimitedGzip(gzip.GzipFile):
 
     def _require_log(self) -> None:
         unpacked, taken = self.tell(), max(self.packed.tell(), 1)
-        if unpacked > UNPACKED_BYTES and unpacked > _UNPACKED_TIMES * taken:
+        if unpacked > UNPACKED_BYTES and unpacked > UNPACKED_TIMES * taken:
             raise InputError(
                 f"{Path(self.name).name}: the gzip file unpacks to more than {UNPACKED_BYTES >> 20} MiB and "
-                f"{_UNPACKED_TIMES} times its size, as no log does; if it is one, unpack it with gunzip first"
+                f"{UNPACKED_TIMES} times its size, as no log does; if it is one, unpack it with gunzip first"
             )
 
 
