@@ -71,9 +71,9 @@ def drive(settings: PoseFilter, seed: int, distance_m: float = 50.0) -> Drive:
     rim_rad_s = 0.3 * np.sin(0.3 * time_s + rng.uniform(0, 6)) * (rim_m_s > 0) * (np.sin(0.1 * time_s) > 0)
     T = len(time_s)
     v = rim_m_s * (1 + noise.radius_std * n()) + noise.slip_share * rim_m_s * gauss_markov(rng, T, noise)
-    turn_std = np.hypot(
-        noise.slip_difference_share * settings.turn_per_slip * rim_m_s, noise.turn_share * np.abs(rim_rad_s)
-    )
+    apart = noise.slip_difference_share * settings.turn_per_slip * rim_m_s
+    in_turns = noise.turn_share * rim_rad_s
+    turn_std = np.where(in_turns < -apart, -1.0, 1.0) * np.hypot(apart, in_turns)
     curvature = noise.wheel_difference_std * settings.turn_per_slip * n()
     w = rim_rad_s * (1 + noise.turn_scale_std * n()) + curvature * rim_m_s + turn_std * gauss_markov(rng, T, noise)
     side_std = np.hypot(noise.side_slip_share * rim_m_s, noise.side_arm_std_m * rim_rad_s)

@@ -12,6 +12,7 @@ from ohmward.filters.belief import unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
+from ohmward.traction.odometry.measured_motion import turn_per_slip, turn_std
 from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE, OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate
@@ -208,3 +209,12 @@ def test_the_turn_that_a_dead_gyro_missed_is_the_wheels_and_covered_before_it_is
         missed.append(e.yaw_rad[-1] - drive.pose[-1, 2])
         wheels.append(alone.yaw_rad[-1] - drive.pose[-1, 2])
     assert np.mean(np.abs(missed)) < np.mean(np.abs(wheels)) + 0.1
+
+
+def test_slip_in_turns_makes_them_smaller_to_both_sides():
+    """Its error changes sign with the turn; that of wheels which slip unequally on a straight way does not."""
+    noise = OdometryNoise()
+    left, right = (float(turn_std(0.5, turn, INDOOR, noise)) for turn in (0.8, -0.8))
+    assert left == -right and left == pytest.approx(noise.turn_share * 0.8, rel=1e-3)
+    straight = noise.slip_difference_share * turn_per_slip(INDOOR) * 0.5
+    assert float(turn_std(0.5, 0.0, INDOOR, noise)) == pytest.approx(straight)

@@ -378,7 +378,7 @@ def use_motion(
 
 def opened_slip(belief: Belief, state: int, speed: Scalar, std: Scalar) -> Belief:
     """The belief with a slip that may be larger by this speed; std: speed of a slip of one standard deviation."""
-    slip = clip(speed / maximum(std, LEAST_REJECTED_STD), -MOST_OPENED, MOST_OPENED)
+    slip = clip(speed / maximum(abs(std), LEAST_REJECTED_STD), -MOST_OPENED, MOST_OPENED)
     return inflate(belief, state, slip * slip)
 
 

@@ -371,9 +371,13 @@ def turn_per_slip(robot: Robot) -> float:
 
 
 def turn_std(rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [rad/s] of the wheels' yaw rate: from slip that differs, and from slip in turns."""
-    apart = noise.slip_difference_share * turn_per_slip(robot)
-    return hypot(apart * rim_m_s, noise.turn_share * turn_rad_s)
+    """Standard deviation [rad/s] of the wheels' yaw rate: from slip that differs, and from slip in turns.
+
+    Slip in turns makes them larger or smaller to both sides: where it is the larger one, the sign is that of the turn.
+    """
+    apart = noise.slip_difference_share * turn_per_slip(robot) * rim_m_s
+    in_turns = noise.turn_share * turn_rad_s
+    return where(in_turns < -apart, -1.0, 1.0) * hypot(apart, in_turns)
 
 
 def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:

@@ -154,7 +154,8 @@ class MotionInput(NamedTuple):
     dt_s: Scalar  #: step [s]
     motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], from the wheels or an observer
     way: np.ndarray  #: (3,) displacement over the step [m, m, rad] from these
-    motion_std: np.ndarray  #: (3,) standard deviations of its correlated errors
+    #: (3,) standard deviations of its correlated errors; that of the turn negative where its errors follow a right turn
+    motion_std: np.ndarray
     scale: Scalar  #: share of the radius's standard deviation contained in its speed
     gyro_rad_s: Scalar  #: yaw rate of the gyro
     gyro_variance: Scalar  #: of its angle over time [rad2/s]
