@@ -15,7 +15,8 @@ from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
 from ohmward.traction.odometry.measured_motion import turn_per_slip, turn_std
 from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE, OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
-from ohmward.traction.odometry.sample import OdometryEstimate
+from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag
+from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, integrate, samples
 
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
@@ -218,3 +219,16 @@ def test_slip_in_turns_makes_them_smaller_to_both_sides():
     assert left == -right and left == pytest.approx(noise.turn_share * 0.8, rel=1e-3)
     straight = noise.slip_difference_share * turn_per_slip(INDOOR) * 0.5
     assert float(turn_std(0.5, 0.0, INDOOR, noise)) == pytest.approx(straight)
+
+
+def test_coarse_counts_at_a_high_rate_are_no_jumps():
+    """150 counts at 200 Hz: one count more changes the speed of a mecanum wheel's rim by 0.45 m/s."""
+    robot, rng = generic_robot(9.0, 0.0762, 0.36, layout="mecanum"), np.random.default_rng(0)
+    dt_s, count = 0.005, 2 * math.pi / 150
+    way_m = np.cumsum(0.25 + 0.1 * np.sin(dt_s * np.arange(4001))) * dt_s
+    angles = way_m[:, None] * robot.rolling[:, 0] / robot.wheel.radius_m + rng.random(4) * count
+    speeds = np.diff(count * np.floor(angles / count), axis=0) / dt_s
+    settings = PoseFilter(robot, OdometryNoise())
+    e = scan(settings, samples(settings, wheel_speed_rad_s=speeds, dt_s=np.full(4000, dt_s)))[1]
+    assert e.x_m[-1] == pytest.approx(way_m[-1] - way_m[0], rel=0.01)
+    assert not (e.flags.astype(int) & OdometryFlag.WHEEL_JUMP).any()
