@@ -42,7 +42,7 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
 #: Largest change of a rim's speed: by quantisation of its distance [m], or by this number of counts once their size is
-#: known, and by an acceleration of 2 g [m/s2].
+#: known, in no less than the usual time, which stamps of a burst do not show, and by an acceleration of 2 g [m/s2].
 JUMP_M, JUMP_COUNTS, JUMP_M_S2 = 0.004, 2.0, 20.0
 
 #: Angles [rad] that differ by less are the same: rounding of a file.
@@ -156,7 +156,8 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
     measured = every(clean.wheel_measured[: robot.driven])
     turned_rad = where(measured, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
     encoder = choose(measured, count_seen(before, turned_rad), before.encoder)
-    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s + dt_s, encoder, robot)
+    usual_s = before.intervals.usual_s[WHEELS]
+    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s + dt_s, usual_s, encoder, robot)
     jump = measured & some(jumps)
     # With a gyro for the turn, the wheels that have not jumped still give the speed.
     rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
@@ -198,13 +199,17 @@ def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
 
 
 def jumped(
-    now: np.ndarray, last: np.ndarray, since_s: np.ndarray, encoder: CountOfEncoder, robot: Robot
+    now: np.ndarray, last: np.ndarray, since_s: np.ndarray, usual_s: Scalar, encoder: CountOfEncoder, robot: Robot
 ) -> list[Scalar]:
-    """Conditions (wheels,) that a rim's speed changed since its last value, so long ago, faster than any robot's."""
+    """Conditions (wheels,) that a rim's speed changed since its last value, so long ago, faster than any robot's.
+
+    usual_s: usual time between two values; 0 before the second.
+    """
+    least_s = maximum(usual_s, LEAST_STEP_S)
     counted_m = maximum(JUMP_M, JUMP_COUNTS * robot.wheel.radius_m * count_rad(encoder))
     changes = zip(now, last, since_s, strict=True)
     return [
-        abs(new - old) * robot.wheel.radius_m * time_s > counted_m + JUMP_M_S2 * time_s * time_s
+        abs(new - old) * robot.wheel.radius_m > counted_m / maximum(time_s, least_s) + JUMP_M_S2 * time_s
         for new, old, time_s in changes
     ]
 
@@ -214,8 +219,9 @@ def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Sca
     passive = passive_wheels(robot)
     if len(passive) == 0:
         return False
+    usual_s = before.intervals.usual_s[PASSIVE]
     since_s = np.array([before.intervals.age_s[PASSIVE] + clean.dt_s] * len(passive))
-    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, since_s, before.encoder, robot)
+    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, since_s, usual_s, before.encoder, robot)
     return every(clean.wheel_measured[passive]) & logical_not(some(jumps))
 
 
