@@ -98,7 +98,7 @@ def test_single_precision_is_good_enough():
 def test_the_header_says_what_the_docstrings_say():
     header = library(battery_export(BATTERY, "ekf", "soc"))["soc.h"]
     assert "float voltage_V; /* measured terminal voltage [V] of the whole pack */" in header
-    assert "#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate */" in header
+    assert "#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump" in header
     assert "void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);" in header
 
 

@@ -11,7 +11,7 @@ extern "C" {
 #define SOC_NO_VOLTAGE 2 /* missing or impossible: predicted only */
 #define SOC_BAD_TIME 4 /* dt_s not a number, negative or over a year: 0 was used; dt_s = 0 is a repeated sample */
 #define SOC_GAP 8 /* step too long to assume a straight line between its two currents */
-#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate */
+#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump that the next voltage has to confirm */
 #define SOC_REST 32 /* current known: the zero-current update was made */
 #define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
 #define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired */

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from kernels import kernel_of
+from ohmward import SocEstimator, generic_battery, make_robot_day
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
@@ -165,6 +167,26 @@ def test_a_rest_with_the_voltage_of_a_load_has_told_nothing(late, diverged):
     assert bool(flagged(estimates, SocFlag.DIVERGED).size) == diverged
     covered = np.abs(estimates.soc - truth.soc) < 1.96 * estimates.soc_std
     assert covered[begin + 60 :].all()
+
+
+@pytest.mark.parametrize("spike_V", [8.0, 10.5, 16.0])
+def test_rare_spikes_of_the_voltage_hardly_change_an_estimate_from_the_label(spike_V):
+    """Of unknown hypotheses one accepts nearly any voltage: it must not win by those that nothing explains."""
+    day = make_robot_day("lfp").mission
+    voltage_V = day.voltage_V.copy()
+    voltage_V[np.random.default_rng(1).choice(len(day), len(day) // 300, replace=False)] = spike_V
+    label = generic_battery("lfp", 12.0, 4)
+    good, spiked = (SocEstimator(label).run(replace(day, voltage_V=v)) for v in (day.voltage_V, voltage_V))
+    assert np.abs(spiked.soc - good.soc).max() < 0.01
+    assert spiked.counts()["voltage_rejected"] == len(day) // 300
+
+
+def test_a_jump_that_the_next_voltage_confirms_is_used():
+    columns = samples(TRUTH)
+    columns.voltage_V[FIRST:] += 0.5
+    _, estimates = run("ekf", columns)
+    assert estimates.flags[FIRST].astype(int) & SocFlag.VOLTAGE_REJECTED
+    assert np.isfinite(estimates.innovation_V[FIRST + 1])
 
 
 def test_a_charger_that_holds_the_voltage_is_no_fault():

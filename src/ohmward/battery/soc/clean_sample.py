@@ -122,6 +122,15 @@ def sanitize(
     )
 
 
+def without_voltage(clean: CleanSocSample, faulty: Any, flag: SocFlag) -> CleanSocSample:
+    """The sample without its voltage, and with the flag, where the condition `faulty` holds."""
+    return clean._replace(
+        voltage_V=where(faulty, 0.0, clean.voltage_V),
+        voltage_measured=clean.voltage_measured & logical_not(faulty),
+        flags=clean.flags + flags_of({flag: faulty}),
+    )
+
+
 def sanitize_bare(
     sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_PAUSE_S
 ) -> CleanBareSample:

@@ -81,7 +81,7 @@ class SocFlag(SampleFlag):
     NO_VOLTAGE = 2  # missing or impossible: predicted only
     BAD_TIME = 4  # dt_s not a number, negative or over a year: 0 was used; dt_s = 0 is a repeated sample
     GAP = 8  # step too long to assume a straight line between its two currents
-    VOLTAGE_REJECTED = 16  # innovation outside its gate
+    VOLTAGE_REJECTED = 16  # innovation outside its gate, or a jump that the next voltage has to confirm
     REST = 32  # current known: the zero-current update was made
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired

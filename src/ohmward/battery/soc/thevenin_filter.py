@@ -29,6 +29,7 @@ from ohmward.battery.soc.clean_sample import (
     first_input,
     sample_limits,
     sanitize,
+    without_voltage,
 )
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
@@ -58,14 +59,19 @@ FROZEN_STD = 10.0
 #: A frozen voltage that was used for longer than this before it was found has corrupted SoC [s].
 FROZEN_S = 60.0
 
+#: A voltage jumps if it changes by more than this share of the full battery's, and this many times the drop that the
+#: change of the current causes, within this time [s].
+JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
+
 
 class HeldVoltage(NamedTuple):
-    """The last voltage, and for how long it has stood still to the last digit."""
+    """The last voltage, for how long it has stood still to the last digit, and one that jumped away from it."""
 
     voltage_V: Scalar = -1.0  #: the initial value is one that no battery has
     load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
     used_s: Scalar = 0.0  #: time for which it has been used since then
     frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
+    jumped_V: Scalar = -1.0  #: the next one must confirm it; without a jump one that no battery has
 
 
 class FilterState(NamedTuple):
@@ -268,7 +274,8 @@ class TheveninFilter:
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
-        held, misled, clean = self.without_frozen(state.held, self.sanitize(state, sample))
+        before, credible = self.without_jump(state.held, self.sanitize(state, sample))
+        held, misled, clean = self.without_frozen(before, credible)
         find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_top
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
@@ -277,6 +284,27 @@ class TheveninFilter:
         """The sample with impossible values replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC, state.unknown_K)
         return sanitize(sample, before, self.limits, state.unknown_s)
+
+    def without_jump(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, CleanSocSample]:
+        """The memory and the sample without a voltage that jumps though the current does not, until the next is alike.
+
+        The voltage of a battery changes at once by the drop of its current alone; another value is a fault of a sensor,
+        a converter or a message. Used, it decides between hypotheses that are all far from it.
+        """
+        cold = self.model.arrhenius_factor(clean.now.temperature_degC)
+        drop_V = self.largest_ohm * cold * abs(clean.change_A)
+        most_V = JUMP_SHARE * self.model.ocv.voltage_V[-1] + JUMP_DROPS * drop_V
+        leaves = (before.voltage_V > 0.0) & (abs(clean.voltage_V - before.voltage_V) > most_V)
+        again = abs(clean.voltage_V - before.jumped_V) <= most_V
+        jumped = clean.voltage_measured & leaves & logical_not(again) & (clean.dt_s <= JUMP_S)
+        jumped_V = where(jumped, clean.voltage_V, where(clean.voltage_measured, -1.0, before.jumped_V))
+        return before._replace(jumped_V=jumped_V), without_voltage(clean, jumped, SocFlag.VOLTAGE_REJECTED)
+
+    @cached_property
+    def largest_ohm(self) -> float:
+        """Resistance to a lasting current at the state of charge where it is largest, at the reference temperature."""
+        rows = [np.maximum(self.model.r0_discharge_ohm, self.model.r0_charge_ohm), *self.model.r_ohm]
+        return sum(float(np.max(row)) for row in rows)
 
     def without_frozen(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, Any, CleanSocSample]:
         """The memory after the sample, and the sample without a voltage that stands still while the load changes.
@@ -295,15 +323,11 @@ class TheveninFilter:
             where(same, before.load_A, load_A),
             where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
             where(frozen, 1.0, 0.0),
+            before.jumped_V,
         )
         came_V = abs(clean.voltage_V - before.voltage_V)
         misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
-        used = clean._replace(
-            voltage_V=where(frozen, 0.0, clean.voltage_V),
-            voltage_measured=clean.voltage_measured & logical_not(frozen),
-            flags=clean.flags + flags_of({SocFlag.NO_VOLTAGE: frozen}),
-        )
-        return held, misled & (came_V < 0.5 * drop_V), used
+        return held, misled & (came_V < 0.5 * drop_V), without_voltage(clean, frozen, SocFlag.NO_VOLTAGE)
 
     def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
         """The sample of a gassing battery without the parts that say nothing about its charge.
