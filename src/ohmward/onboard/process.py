@@ -98,6 +98,7 @@ class Process:
         self.diagnostics: dict[str, Diagnostic] = {}
         self._logged: dict[str, tuple[Level, str]] = {}
         self._own = frozenset(source.name for source in sources if not is_live(source))
+        self._restarts = 0
         self._restart()
         self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
@@ -193,6 +194,7 @@ class Process:
         if own and message.received_s < self._received_s - LEAP_S:
             LOG.warning("source %s: its time went back; everything restarts", message.source)
             self.estimation.restart()
+            self._restarts += 1
             self._restart()
         ahead_s = message.received_s - self.clock.now_s()
         self._ahead_s = ahead_s if own else max(self._ahead_s, ahead_s)
@@ -320,6 +322,7 @@ class Process:
             battery_unix_s=self._dates.at(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
             drive_unix_s=self._dates.at(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
             diagnostics=self._reported,
+            restarts=self._restarts,
         )
         self.state = self.state._replace(alarms=self._alarms.take(self.state))
         for _, feed in self.sinks:

@@ -129,6 +129,7 @@ class RobotState(NamedTuple):
     alarms: tuple[Alarm, ...] = ()  #: raised alarms, the most urgent first
     totals: Totals | None = None  #: sums over the robot's life; None before anything was measured
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
+    restarts: int = 0  #: number of times that a simulation or a bag has begun again, and all times with it
 
     def date_s(self, group: str) -> float:
         """Date of the sample behind the estimates of the "battery" or of the "drive", seconds since 1970."""

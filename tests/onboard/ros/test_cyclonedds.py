@@ -102,7 +102,7 @@ def sent() -> dict[str, bytes]:
     found = {
         types.BATTERY_STATE: messages.battery_state(state, measured, None, frames),
         types.TWIST: messages.twist(state, frames),
-        types.DIAGNOSTICS: messages.diagnostics(state, "rover"),
+        types.DIAGNOSTICS: messages.diagnostics(state, "rover", state.unix_s),
     }
     return {type_: serialize(type_, message) for type_, message in found.items()}
 

@@ -1,5 +1,6 @@
 """Messages against rosbags: the same bytes, types, hashes; signs and conditions of the conventions."""
 
+import asyncio
 import math
 from contextlib import suppress
 from functools import cache
@@ -9,6 +10,7 @@ import pytest
 
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.sample import SocEstimate
+from ohmward.onboard.feed import Feed
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import read, serialize
@@ -72,7 +74,7 @@ def every_message() -> dict[str, dict]:
         types.BATTERY_STATE: messages.battery_state(state, state.sample, battery, frames),
         types.ODOMETRY: messages.odometry(state, frames),
         types.TWIST: messages.twist(state, frames),
-        types.DIAGNOSTICS: messages.diagnostics(state, "robot 1"),
+        types.DIAGNOSTICS: messages.diagnostics(state, "robot 1", state.unix_s),
         types.TF: messages.transform(state, frames),
         types.JOINT_STATE: {
             "header": messages.header(1.7e9, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
@@ -186,7 +188,7 @@ def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
 def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
     dead = at(9.0, driven())._replace(slip=None, pose=None, silent=("battery", "drive"))
     assert not sent(Translation(Ros2Sink()), dead).keys() & {types.ODOMETRY, types.TWIST}
-    status = {one["name"]: one for one in messages.diagnostics(dead, "robot 1")["status"]}
+    status = {one["name"]: one for one in messages.diagnostics(dead, "robot 1", dead.unix_s)["status"]}
     for name, sensors, known in (("drive", "wheels", "unknown: "), ("charge", "battery", "50 ± 2 %: ")):
         assert status[f"ohmward: {name}"]["level"] == Level.STALE
         assert f"{known}the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
@@ -217,7 +219,7 @@ def test_odometry_has_its_pose_and_covariance_in_their_places():
 
 
 def test_diagnostics_name_what_is_wrong():
-    status = {one["name"]: one for one in messages.diagnostics(driven(), "robot 1")["status"]}
+    status = {one["name"]: one for one in messages.diagnostics(driven(), "robot 1", 1.7e9)["status"]}
     assert set(status) == {"ohmward: charge", "ohmward: drive", "ohmward: source can0"}
     assert status["ohmward: source can0"]["level"] == 1
     assert status["ohmward: charge"]["hardware_id"] == "robot 1"
@@ -239,9 +241,10 @@ def test_after_a_restart_there_is_no_battery_state_before_its_first_sample():
     """A bag in a loop: what was measured before is not sent again, without a date."""
     translation = Translation(Ros2Sink(interval_s=0.0, slow_s=0.0))
     assert types.BATTERY_STATE in sent(translation, at(50.0, driven()))
-    nothing = at(1.0, driven())._replace(battery_time_s=math.nan, battery_unix_s=math.nan, battery=None, sample={})
+    again = driven()._replace(restarts=1)
+    nothing = at(1.0, again)._replace(battery_time_s=math.nan, battery_unix_s=math.nan, battery=None, sample={})
     assert types.BATTERY_STATE not in sent(translation, nothing)
-    assert types.BATTERY_STATE in sent(translation, at(2.0, driven()))
+    assert types.BATTERY_STATE in sent(translation, at(2.0, again))
 
 
 def test_dates_are_those_of_the_samples_and_never_go_back():
@@ -254,3 +257,76 @@ def test_dates_are_those_of_the_samples_and_never_go_back():
                 1e-9 * found[types.ODOMETRY]["header.stamp.nanosec"] + found[types.ODOMETRY]["header.stamp.sec"]
             )
     assert np.array(dates) - 1.7e9 == pytest.approx([4.9, 5.25], abs=1e-6)
+
+
+class Recorder:
+    """A transport that records the stamps on each topic, seconds after 1.7e9."""
+
+    def __init__(self):
+        self.stamps: dict[str, list[float]] = {}
+
+    def advertise(self, topic, type_):
+        self.stamps[topic] = []
+
+    def check(self):
+        pass
+
+    def publish(self, topic, type_, payload):
+        numbers = read(type_, payload)[1]
+        path = "transforms[0].header.stamp" if type_ == types.TF else "header.stamp"
+        self.stamps[topic].append(round(numbers[f"{path}.sec"] - 1.7e9 + 1e-9 * numbers[f"{path}.nanosec"], 3))
+
+
+def stamps_of(*states: RobotState) -> dict[str, list[float]]:
+    """Stamps on each topic of the node of ROS while these states come."""
+
+    async def run() -> None:
+        feed = Feed()
+        sink = Ros2Sink(interval_s=0.0, publish_tf=True)
+        task = asyncio.create_task(sink.run_on(recorder, feed))  # type: ignore[arg-type]
+        for state in states:
+            feed.put(state)
+            await asyncio.sleep(0.02)
+        feed.end()
+        await task
+
+    recorder = Recorder()
+    asyncio.run(run())
+    return recorder.stamps
+
+
+def silent_at(time_s: float) -> RobotState:
+    """A state without news: the battery has reported once, the drive never."""
+    state = at(time_s, driven())
+    state = state._replace(slip=None, pose=None, drive_time_s=math.nan, drive_unix_s=math.nan)
+    return state._replace(silent=("battery",), battery_time_s=1.0, battery_unix_s=1.7e9 + 1.0)
+
+
+def test_no_stamp_goes_back_when_queued_messages_come_after_states_without_news():
+    """Silence until 101 s, then what was measured from 90 to 99.5 s at once, then news."""
+    queue = [at(90.0 + 0.5 * k, driven()) for k in range(20)]
+    found = stamps_of(at(1.1, driven()), silent_at(100.0), silent_at(101.0), *queue, at(102.0, driven()))
+    assert found.pop("/diagnostics") == [1.1, 100.0, 101.0, *[101.0] * 20, 102.0]
+    assert found.pop("battery_state") == [1.0, 100.0, 101.0, 101.9]
+    assert found.keys() == {"ohmward/odometry", "ohmward/twist", "/tf"}
+    for stamps in found.values():
+        assert stamps == [1.0, *[89.9 + 0.5 * k for k in range(20)], 101.9]
+
+
+@pytest.mark.parametrize("restarts", [0, 1])
+def test_stamps_go_back_only_where_everything_restarts(restarts):
+    """A bag in a loop; otherwise the second time is late."""
+    states = [at(float(k), driven()) for k in (1, 2, 3)]
+    found = stamps_of(*states, *(state._replace(restarts=restarts) for state in states))
+    again = [0.9, 1.9, 2.9] * restarts
+    assert found["ohmward/odometry"] == found["battery_state"] == [0.9, 1.9, 2.9, *again]
+    assert found["/diagnostics"] == [1.0, 2.0, 3.0, *([1.0, 2.0, 3.0] if restarts else [3.0] * 3)]
+
+
+def test_stamps_follow_a_clock_that_was_set_back():
+    """Later states with dates an hour earlier."""
+    later = at(5.0, driven())
+    dates = {name: getattr(later, name) - 3600.0 for name in ("unix_s", "battery_unix_s", "drive_unix_s")}
+    found = stamps_of(at(1.0, driven()), later._replace(**dates))
+    assert found["/diagnostics"] == [1.0, 5.0 - 3600.0]
+    assert found["battery_state"] == found["/tf"] == [0.9, 4.9 - 3600.0]

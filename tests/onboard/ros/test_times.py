@@ -191,6 +191,7 @@ def test_a_simulation_or_a_bag_in_a_loop_begins_again(monkeypatch, caplog, clock
     assert caplog.text.count("its time went back; everything restarts") == 1
     assert process.estimation.state.drive_time_s == pytest.approx(1000.0 + 0.02 * 99, abs=0.02)
     assert process.estimation.state.pose.x_m == pytest.approx(SPEED_M_S * 1.0, rel=0.1)
+    assert process.state.restarts == 1
 
 
 def test_two_senders_of_a_bag_whose_clocks_differ_are_no_loop():

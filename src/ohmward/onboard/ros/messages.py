@@ -42,8 +42,13 @@ class Frames:
     base: str = "base_link"  #: frame of the robot, at its centre of gravity
 
 
+def battery_time_s(state: RobotState) -> float:
+    """Time of a message about the battery: that of its sample, or now if its sensors are silent."""
+    return state.time_s if state.is_silent("battery") else state.battery_time_s
+
+
 def battery_date_s(state: RobotState) -> float:
-    """Date of a message about the battery: that of its sample, or now if its sensors are silent."""
+    """The same as a date, seconds since 1970."""
     return state.unix_s if state.is_silent("battery") else state.date_s("battery")
 
 
@@ -142,14 +147,14 @@ def twist(state: RobotState, frames: Frames) -> Message:
     return {"header": header(state.date_s("drive"), frames.base), "twist": moved}
 
 
-def diagnostics(state: RobotState, robot: str) -> Message:
+def diagnostics(state: RobotState, robot: str, stamp_s: float) -> Message:
     """`diagnostic_msgs/DiagnosticArray`: charge, drive, and the condition of every sensor, source and sink.
 
-    robot: its name.
+    robot: its name.  stamp_s: date of the message, seconds since 1970.
     """
     conditions = [*_estimates(state), *state.diagnostics]
     return {
-        "header": header(state.unix_s, ""),
+        "header": header(stamp_s, ""),
         "status": [_status_message(condition, robot) for condition in conditions],
     }
 

@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
@@ -87,8 +87,15 @@ class Ros2Sink(RosNetwork):
             yield "/tf", types.TF
 
 
+class Stamp(NamedTuple):
+    """Stamp of a message."""
+
+    time_s: float = -math.inf  #: on the clock of the process, which nobody sets
+    date_s: float = -math.inf  #: seconds since 1970
+
+
 class Translation:
-    """States as serialised messages, each at its own rate.
+    """States as serialised messages, each at its own rate; their stamps do not go back, see `_is_newer`.
 
     Args:
         sink: topics, frames and rates.
@@ -99,17 +106,31 @@ class Translation:
         self.sink, self.battery = sink, battery
         self._frames = Frames(sink.odom_frame, sink.base_frame)
         self._measured: dict[str, float] = {}
+        self._restarts = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin all times, at the start and when a simulation or a bag restarts."""
+        sink = self.sink
         self._drive_s = -math.inf
         self._drive, self._battery, self._conditions = Rate(sink.interval_s), Rate(sink.slow_s), Rate(sink.slow_s)
-        self._stamps: dict[str, float] = {}
+        self._stamps: dict[str, Stamp] = {}
 
     def messages(self, state: RobotState) -> Iterator[tuple[str, str, bytes]]:
-        """Topic, type and bytes of each message about a state; stamps are times of measurement, and increase."""
+        """Topic, type and bytes of each message about a state.
+
+        Stamps are times of measurement and increase: what was measured before the last message is left out. Conditions
+        are never left out; those of a state before the last one have the stamp of the last.
+        """
         sink = self.sink
+        if state.restarts != self._restarts:
+            self._restarts = state.restarts
+            self._begin()
         self._measured |= {name: v for name, v in state.sample.items() if name.partition(".")[0] in names_of("battery")}
         is_new = state.drive_time_s != self._drive_s and not math.isnan(state.drive_time_s)
         self._drive_s = state.drive_time_s
-        if is_new and self._drive.passes(state.drive_time_s) and self._is_newer("drive", state.date_s("drive")):
+        of_drive = Stamp(state.drive_time_s, state.date_s("drive"))
+        if is_new and self._drive.passes(state.drive_time_s) and self._is_newer("drive", of_drive):
             if sink.odometry and state.pose:
                 yield sink.odometry, types.ODOMETRY, serialize(types.ODOMETRY, messages.odometry(state, self._frames))
             if sink.publish_tf and state.pose:
@@ -124,18 +145,24 @@ class Translation:
             )
             if found["power_supply_status"] != messages.FULL:
                 self._measured.pop("battery_full", None)  # until the charger says so again
-            if self._is_newer("battery", messages.battery_date_s(state)):
+            of_battery = Stamp(messages.battery_time_s(state), messages.battery_date_s(state))
+            if self._is_newer("battery", of_battery):
                 yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
-        if sink.diagnostics and self._conditions.passes(state.time_s) and self._is_newer("conditions", state.unix_s):
-            conditions = messages.diagnostics(state, sink.robot)
+        if sink.diagnostics and self._conditions.passes(state.time_s):
+            self._is_newer("conditions", Stamp(state.time_s, state.unix_s))
+            conditions = messages.diagnostics(state, sink.robot, self._stamps["conditions"].date_s)
             yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, conditions)
 
-    def _is_newer(self, what: str, date_s: float) -> bool:
-        """True if a stamp is later than the last message's, or so far back that the clock must have been set."""
-        last_s = self._stamps.get(what, -math.inf)
-        if last_s - LEAP_S < date_s <= last_s:
+    def _is_newer(self, what: str, stamp: Stamp) -> bool:
+        """True if a stamp is later than all before it, or far back because the clock of its dates was set.
+
+        What was queued and comes late is far back, too, but also on the clock of the process.
+        """
+        last = self._stamps.get(what, Stamp())
+        was_set = stamp.time_s > last.time_s and stamp.date_s <= last.date_s - LEAP_S
+        if stamp.date_s <= last.date_s and not was_set:
             return False
-        self._stamps[what] = date_s
+        self._stamps[what] = Stamp(max(stamp.time_s, last.time_s), stamp.date_s)
         return True
 
     def _reporting(self, state: RobotState) -> dict[str, float]:
