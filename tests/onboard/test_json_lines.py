@@ -5,6 +5,7 @@ import json
 import random
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.arrivals import Arrival, Arrivals
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.line_reader import MOST_KNOWN, MOST_STRANGERS
 from ohmward.onboard.message import ScaledSignal, Wiring
@@ -50,6 +52,37 @@ def test_it_listens_to_whoever_connects(kind, tmp_path):
         got = asyncio.run(listening(JsonLinesSource(address, listen=True), LINES, LINES))
         assert [message.values.get("battery_current_A") for message in got] == [-2.5, None, -2.5, None]
         assert list(got[1].values) == ["cell_voltage_V.0", "cell_voltage_V.1"]
+
+
+def test_devices_whose_clocks_differ_keep_the_times_of_their_samples():
+    """Two connections send in turns, an hour apart by their clocks; the first connects again."""
+    source, arrivals, arrived = JsonLinesSource(f"127.0.0.1:{free_port()}", listen=True), Arrivals(), list[Arrival]()
+
+    async def run():
+        task = asyncio.create_task(source.run(lambda message: arrived.extend(arrivals.put(message))))
+        port = int(source.address.rpartition(":")[2])
+        await asyncio.to_thread(wait_for_port, port)
+        writers = [(await asyncio.open_connection("127.0.0.1", port))[1] for _ in range(2)]
+        for k in range(40):
+            if k == 30:
+                writers[0].close()
+                await writers[0].wait_closed()
+                await asyncio.sleep(0.05)
+                writers[0] = (await asyncio.open_connection("127.0.0.1", port))[1]
+            for writer, ahead_s in zip(writers, (0.0, 3600.0), strict=True):
+                writer.write(b'{"time_s": %f, "battery_current_A": 1}\n' % (time.monotonic() + ahead_s))
+            await asyncio.sleep(0.01)
+        for writer in writers:
+            writer.close()
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return arrived + arrivals.flush()
+
+    found = asyncio.run(run())
+    assert len(found) == 80
+    assert not any(arrival.clock_was_set for arrival in found)
+    assert [a.time_s for a in found] == pytest.approx([a.message.received_s for a in found], abs=0.2)
+    assert len({arrival.message.publisher for arrival in found}) == 2
 
 
 def test_any_number_of_connections_leaves_room_for_one_that_sends():

@@ -1,15 +1,20 @@
-"""JSON lines on standard input or a socket: one object a line, `{"time_s": 1.5, "battery_current_A": -3.2}`."""
+"""JSON lines on standard input or a socket: one object a line, `{"time_s": 1.5, "battery_current_A": -3.2}`.
+
+Whoever connects to a socket stamps with a clock of its own, so each connection has one; a sender that connects again
+has the same.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import difflib
+import itertools
 import math
 import os
 import stat
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -50,8 +55,8 @@ class JsonLinesSource:
         faulty = FaultyInput(self.name, "lines are no JSON object with a quantity")
         wiring = Wiring(self.signals)
 
-        def take(line: bytes) -> bool:
-            if message := self.message(line, wiring, time.monotonic()):
+        def take(line: bytes, publisher: str = "") -> bool:
+            if message := self.message(line, wiring, time.monotonic(), publisher):
                 put(message)
             else:
                 faulty.count(example=line.strip())
@@ -84,23 +89,29 @@ class JsonLinesSource:
         finally:
             transport.close()
 
-    async def _serve(self, take: Callable[[bytes], bool], faulty: FaultyInput) -> None:
+    async def _serve(self, take: Callable[[bytes, str], bool], faulty: FaultyInput) -> None:
         """Listen, and read from whoever connects."""
         left_out = FaultyInput(self.name, "connections were closed: too many at once, those without a message first")
         visitors = Visitors(left_out.count)
+        publishers: dict[asyncio.BaseTransport, str] = {}
+
+        def begin(transport: asyncio.BaseTransport) -> None:
+            publishers[transport] = _publisher(transport, publishers.values())
+            visitors.arrive(transport)
 
         def reader() -> LineReader:
             def end(error: Exception | None) -> None:
                 if found.transport:
                     visitors.leave(found.transport)
+                    del publishers[found.transport]
                 if error:
                     LOG.info("source %s: a connection was lost (%s)", self.name, error)
 
             def take_known(line: bytes) -> None:
-                if take(line) and found.transport:
+                if found.transport and take(line, publishers[found.transport]):
                     visitors.know(found.transport)
 
-            found = LineReader(take_known, faulty.count, end, visitors.arrive)
+            found = LineReader(take_known, faulty.count, end, begin)
             return found
 
         server = await self._server(reader)
@@ -123,15 +134,15 @@ class JsonLinesSource:
                 f"{self.address} cannot be listened at ({error.strerror}); choose another port"
             ) from error
 
-    def message(self, line: bytes, wiring: Wiring, received_s: float) -> Message | None:
-        """The message of a line; None if it is no JSON object or has no quantity."""
+    def message(self, line: bytes, wiring: Wiring, received_s: float, publisher: str = "") -> Message | None:
+        """The message of a line of a publisher; None if it is no JSON object or has no quantity."""
         found = json_value(line)
         if not isinstance(found, dict):
             return None
         own = {key: value for key, value in found.items() if key not in wiring.signals}
         values = own_names(own) | wiring.values(found)
         stamp_s = as_number(found.get(self.time, math.nan))
-        return Message(stamp_s, received_s, self.name, values) if values else None
+        return Message(stamp_s, received_s, self.name, values, publisher) if values else None
 
     def _host_and_port(self) -> tuple[str, int]:
         """Host and port of the address; the port is 0 for the path of a socket, or standard input."""
@@ -165,6 +176,13 @@ def own_names(found: dict[str, object]) -> dict[str, float]:
         elif (isinstance(value, bool | int | float) or value is None) and (signal := _signal(key)):
             values[signal] = as_number(value)
     return values
+
+
+def _publisher(transport: asyncio.BaseTransport, others: Collection[str]) -> str:
+    """Name of the publisher behind a connection: its host and the lowest number that no open connection has."""
+    peer = transport.get_extra_info("peername")
+    host = peer[0] if isinstance(peer, tuple) else ""
+    return next(name for number in itertools.count() if (name := f"{host} {number}") not in others)
 
 
 @lru_cache(maxsize=1024)
