@@ -127,9 +127,9 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     /* hold (filters/sanitize.py): The value where it is credible, else the last credible one */
     const float current_A3 = credible ? current_A2 : current_A;
     state->current_A = current_A3;
-    /* is_voltage (battery/soc/clean_sample.py): True where it is a number and a battery with this open-circuit
-       voltage when full can show it */
-    const bool measured = (0.0f < voltage_V) && (voltage_V < 28.0f);
+    /* is_voltage (battery/soc/clean_sample.py): True where it is a number and a battery with these open-circuit
+       voltages, empty and full, can show it */
+    const bool measured = (0.0f < voltage_V) && (voltage_V < 19.6f);
     /* sanitize_bare (battery/soc/clean_sample.py): The sample with an impossible current, step or voltage
        replaced */
     const float clean_mean_A = 0.5f * (current_A + current_A3);

@@ -210,7 +210,7 @@ class RcJoint:
     @property
     def limits(self) -> SampleLimits:
         """Limits of plausible samples."""
-        return SampleLimits(self.gap_s, self.current_limit_A, self.highest_ocv_V)
+        return SampleLimits(self.gap_s, self.current_limit_A, highest_ocv_V=self.highest_ocv_V)
 
     def decide(self, state: JointState, clean: CleanSocSample, innovation: Innovation) -> tuple[Any, Any, Scalar]:
         """Decision of the gate on a voltage; a repeated sample (dt = 0) does not count as a measurement.

@@ -182,8 +182,9 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
     credible = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
-    full_V = model.ocv.voltage_V[-1]  # a charger holds its voltage above that, whatever the charge
-    credible &= np.asarray(is_voltage(voltage_V, full_V) & (voltage_V < full_V))
+    empty_V, full_V = model.ocv.voltage_V[0], model.ocv.voltage_V[-1]
+    credible &= np.asarray(is_voltage(voltage_V, empty_V, full_V))
+    credible &= log.voltage_V < full_V  # a charger holds its voltage above that, whatever the charge
     known = np.flatnonzero(credible)
     if known.size < _FEWEST_ROWS:
         return

@@ -155,7 +155,8 @@ class RangeSettings:
     def battery_W(self, current_A: float, voltage_V: float) -> float:
         """Power out of the battery; nan where current or voltage is not credible."""
         credible_A = is_current(current_A, MOST_C * self.battery.capacity_Ah)
-        credible = credible_A and is_voltage(voltage_V, self.battery.voltage_max_V)
+        curve_V = self.battery.thevenin.ocv.voltage_V
+        credible = credible_A and is_voltage(voltage_V, curve_V[0], curve_V[-1])
         return -current_A * voltage_V if credible else math.nan
 
     def speed_m_s(self, measured_m_s: float) -> float:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import (
     HOLD_S,
@@ -14,6 +15,7 @@ from ohmward.battery.soc.clean_sample import (
     sanitize,
     sanitize_bare,
 )
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 
 NAN, INF = math.nan, math.inf
@@ -24,7 +26,7 @@ BEFORE = CircuitInput(-2.0, 21.0)
 
 
 def cleaned(sample, unknown_s=0.0):
-    return sanitize(sample, BEFORE, SampleLimits(600.0, 40.0, 4.2), unknown_s)
+    return sanitize(sample, BEFORE, SampleLimits(600.0, 40.0, 3.0, 4.2), unknown_s)
 
 
 def test_a_good_sample_stays_as_it_is():
@@ -73,10 +75,25 @@ def test_a_temperature_that_cannot_be_is_the_last_one(temperature_degC):
     assert clean.now.temperature_degC == clean.mean.temperature_degC == 21.0
 
 
-@pytest.mark.parametrize("voltage_V", [NAN, INF, 0.0, -3.7, 8.5])
+@pytest.mark.parametrize("voltage_V", [NAN, INF, 0.0, -3.7, 8.5, 1.4, 6.0])
 def test_a_voltage_that_cannot_be_is_none(voltage_V):
     clean = cleaned(SocSample(1.0, -3.0, voltage_V, 25.0))
     assert (clean.voltage_V, clean.voltage_measured, clean.flags) == (0.0, False, SocFlag.NO_VOLTAGE)
+
+
+@pytest.mark.parametrize("voltage_V", [1.6, 5.8])
+def test_a_voltage_under_load_and_charge_is_measured(voltage_V):
+    assert cleaned(SocSample(1.0, -3.0, voltage_V, 25.0)).voltage_measured
+
+
+@pytest.mark.parametrize("voltage_V", [5.0, 20.0])
+def test_the_estimator_takes_no_voltage_of_another_battery(voltage_V):
+    """Four LFP cells show neither 5 nor 20 V."""
+    estimator = SocEstimator(generic_battery("lfp", 12.0, 4))
+    before = estimator.update(0.0, -1.0, 13.1)
+    after = estimator.update(1.0, -1.0, voltage_V)
+    assert after.flags == SocFlag.NO_VOLTAGE
+    assert after.soc == pytest.approx(before.soc, abs=1e-3)
 
 
 @given(anything, anything, anything, anything)

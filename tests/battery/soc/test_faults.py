@@ -65,7 +65,7 @@ SINGLE: dict[str, tuple[dict[str, Any], SocFlag]] = {
     "voltage 0": ({"voltage_V": 0.0}, SocFlag.NO_VOLTAGE),
     "voltage +5 V": ({"voltage_V": lambda v: v + 5.0}, SocFlag.NO_VOLTAGE),
     "voltage -5 V": ({"voltage_V": lambda v: v - 5.0}, SocFlag.NO_VOLTAGE),
-    "voltage +3 V": ({"voltage_V": lambda v: v + 3.0}, SocFlag.VOLTAGE_REJECTED),
+    "voltage +1.5 V": ({"voltage_V": lambda v: v + 1.5}, SocFlag.VOLTAGE_REJECTED),
     "voltage -2 V": ({"voltage_V": lambda v: v - 2.0}, SocFlag.VOLTAGE_REJECTED),
     "current nan": ({"current_A": NAN}, SocFlag.NO_CURRENT),
     "current inf": ({"current_A": -INF}, SocFlag.NO_CURRENT),
@@ -120,7 +120,7 @@ LASTING: dict[str, dict[str, Any]] = {
     "voltage stuck": {"voltage_V": float(TRUTH.voltage_V[FIRST])},
     "voltage +0.2 V": {"voltage_V": lambda v: v + 0.2},
     "voltage -0.2 V": {"voltage_V": lambda v: v - 0.2},
-    "voltage of another battery": {"voltage_V": 7.0},
+    "voltage of another battery": {"voltage_V": 5.5},
     "current stuck": {"current_A": 1.0},
     "current with the wrong sign": {"current_A": lambda i: -i},
 }

@@ -21,7 +21,7 @@ BATTERY = Battery("cell", NMC.capacity_Ah, voltage_min_V=2.5, voltage_max_V=4.2,
 FAULTS: dict[str, tuple[float, ...]] = {
     "dt_s": (0.0, -3.0, NAN, INF, 90.0, 2000.0, 1e9),
     "current_A": (NAN, INF, -INF, 1000.0),
-    "voltage_V": (NAN, INF, 0.0, 1.0, 100.0),
+    "voltage_V": (NAN, INF, 0.0, 2.0, 100.0),
     "temperature_degC": (NAN, INF, -300.0, 60.0),
 }
 

@@ -245,9 +245,9 @@ FAULTS = {
     "no time": ({"dt_s": NAN}, SocFlag.BAD_TIME),
     "time backwards": ({"dt_s": -5.0}, SocFlag.BAD_TIME),
     "gap": ({"dt_s": 1200.0, "voltage_V": NAN}, SocFlag.GAP | SocFlag.NO_VOLTAGE),
-    "voltage spike": ({"voltage_V": 20.0}, SocFlag.VOLTAGE_REJECTED),
+    "voltage spike": ({"voltage_V": 17.0}, SocFlag.VOLTAGE_REJECTED),
     "voltage wire off": ({"voltage_V": 0.0}, SocFlag.NO_VOLTAGE),
-    "voltage of no such battery": ({"voltage_V": 40.0}, SocFlag.NO_VOLTAGE),
+    "voltage of no such battery": ({"voltage_V": 20.0}, SocFlag.NO_VOLTAGE),
     "current of no such battery": ({"current_A": -1e4}, SocFlag.NO_CURRENT),
     "nothing": (
         {"dt_s": NAN, "current_A": NAN, "voltage_V": NAN},

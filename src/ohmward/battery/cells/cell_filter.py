@@ -186,8 +186,8 @@ class CellFilter:
 
     @property
     def limits(self) -> SampleLimits:
-        """Plausibility limits of a sample."""
-        return sample_limits(self.model, self.gap_s)
+        """Plausibility limits of a sample; a dead cell may show any voltage below those of a battery."""
+        return sample_limits(self.model, self.gap_s)._replace(lowest_ocv_V=0.0)
 
     def init(self, first: CellSample) -> CellState:
         """State before the first sample: the cell is a typical one, within the spread."""

@@ -108,11 +108,11 @@ class _Sanitized(NamedTuple):
 def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     """The samples of a whole log; the charge between those that are left out is added up."""
     model = battery.thevenin
-    highest_V = model.ocv.voltage_V[-1]
+    lowest_V, highest_V = model.ocv.voltage_V[0], model.ocv.voltage_V[-1]
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
     known = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
-    credible = np.asarray(is_voltage(voltage_V, highest_V))
+    credible = np.asarray(is_voltage(voltage_V, lowest_V, highest_V))
     if np.count_nonzero(known & credible) < _FEWEST:
         raise InputError(
             f"log {log.name!r}: fewer than {_FEWEST} samples have a current and a voltage that a battery of "

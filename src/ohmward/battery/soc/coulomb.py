@@ -182,7 +182,7 @@ class RestOcv:
         """State and estimate after a sample."""
         counting, counted = self.counting.step(state.counting, sample)
         resting = is_current(sample.current_A, self.sensor.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
-        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
+        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
         dt_s = counting.elapsed_s - state.counting.elapsed_s
         rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s, measured)
         y = where(measured, sample.voltage_V, 0.0)
