@@ -19,7 +19,7 @@ from ohmward.quantities import SECONDS_PER_HOUR
 #: Time [s] for which a peak of power must last to count: a protection opens after some seconds.
 PROTECTION_OPENS_S = 3.0
 #: Longest gap [s] over which the charge is counted; after a longer one the count restarts.
-_INTERRUPTED_S = 60.0
+_UNCOUNTED_S = 60.0
 #: Share of the cut-off voltage above it at which a discharge counts as ended.
 _NEAR_CUTOFF = 0.01
 #: Least state of charge from which a discharge is counted: a shorter one measures less than is known already.
@@ -65,7 +65,7 @@ class DischargeMeter(NamedTuple):
         """
         if not dt_s > 0.0:
             return self
-        if dt_s > _INTERRUPTED_S:
+        if dt_s > _UNCOUNTED_S:
             return DischargeMeter()
         given_A = -current_A if math.isfinite(current_A) else self.mean_A
         counted = self._replace(

@@ -56,7 +56,7 @@ PEAK_LASTS_S = 10.0
 #: (Chen 2020, O'Kane 2022), 556 (Prada 2013) and 1026 s (Ecker 2015); which one empties first differs.
 USUAL_LAG_S, _LAG_LOG_STD = 150.0, 1.1
 #: Standard deviation of the charge given down to an end, from the model of the voltage near empty, over the capacity.
-_END_STD = 0.02
+_NEAR_EMPTY_STD = 0.02
 #: Standard deviation of the capacity on the lower side, over the mean of both sides: ageing only reduces capacity.
 _LOWER_SIDE_SHARE = 1.5
 #: Rows of the points of a battery: state of charge, capacity, resistance, diffusion lag, luck with the peaks.
@@ -64,7 +64,7 @@ BATTERY_DIMENSIONS = 5
 #: Smallest relative capacity used as a divisor.
 _LEAST_CAPACITY = 0.01
 #: Where the log-likelihoods of all batteries differ by less than this, what they have done carries no information.
-_ALIKE = 0.001
+_UNINFORMATIVE = 0.001
 #: Voltage margin where the power cannot be delivered: far below any cut-off.
 _NO_POWER_V = -1e9
 #: Smallest resistance [ohm] and time [s] used as a divisor.
@@ -219,7 +219,7 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
         unlikely += _failures(curves.peaks[min(_USUAL_LAG, len(curves.peaks) - 1)], state, drawn.resistance)
     if state.end is not None:
         unlikely += _misfit(battery, state, state.end, capacity, lag_s, drawn.resistance)
-    return drawn.rows(_resampled(unlikely)) if np.ptp(unlikely) > _ALIKE else drawn, curves
+    return drawn.rows(_resampled(unlikely)) if np.ptp(unlikely) > _UNINFORMATIVE else drawn, curves
 
 
 def _between(values: np.ndarray, grid: np.ndarray) -> _Between:
@@ -265,7 +265,7 @@ def _misfit(
     file_Ah = battery.capacity_Ah
     given_Ah = file_Ah * capacity * (end.start_soc - surface_soc) - lag_As / SECONDS_PER_HOUR
     offset_Ah = battery.sensor.offset_std_A * end.hours
-    std_Ah = math.hypot(file_Ah * end.start_soc_std, offset_Ah, _END_STD * file_Ah)
+    std_Ah = math.hypot(file_Ah * end.start_soc_std, offset_Ah, _NEAR_EMPTY_STD * file_Ah)
     return 0.5 * ((given_Ah - end.given_Ah) / std_Ah) ** 2
 
 

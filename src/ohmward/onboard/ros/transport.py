@@ -37,7 +37,7 @@ _LOOK_S, _TURN_S = 0.01, 0.1
 #: Length of the queue of a topic, for a process that was held up, or a sender that had been waiting.
 _QUEUE = 1000
 #: Most messages of a topic in one poll, so that one topic cannot keep the others waiting.
-_MOST = 100
+_MOST_TAKEN = 100
 
 
 class Transport(Protocol):
@@ -116,9 +116,9 @@ class _Subscription(NamedTuple):
     receive: Receive
 
     def take_all(self) -> None:
-        """Hand over the messages that have arrived, `_MOST` at most."""
+        """Hand over the messages that have arrived, `_MOST_TAKEN` at most."""
         with self.made.handle:
-            for _ in range(_MOST):
+            for _ in range(_MOST_TAKEN):
                 taken = self.made.handle.take_message(self.made.msg_type, True)
                 if not taken:
                     break
