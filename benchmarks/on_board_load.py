@@ -134,7 +134,7 @@ class Clock:
 
     @property
     def offset_s(self) -> float:
-        clock = self.process._clocks["json-lines", ""]
+        clock = next(iter(self.process._arrivals._clocks.values()))  # of the one connection
         return min(clock._least_s, clock._least_before_s)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
@@ -291,8 +291,7 @@ _START_STD, _RIGHT_START_STD = 0.03, 1e-4
 _MOST_SAMPLES = 1 << 20
 
 
-@dataclass(frozen=True)
-class SocFigures:
+class SocFigures(NamedTuple):
     """Figures of one method under one condition."""
 
     chemistry: str
@@ -305,8 +304,7 @@ class SocFigures:
     found_min: float  #: minutes until the error stays within 5 points, the median of the runs; inf where it never does
     lost: float  #: share of the runs that end more than 5 points off
     operations: int  #: in a step
-    #: time per sample with many runs side by side; depends on the machine and is no part of equality
-    ns: float = field(compare=False)
+    ns: float  #: time per sample with many runs side by side; depends on the machine and is not reproducible
 
     @property
     def subject(self) -> str:

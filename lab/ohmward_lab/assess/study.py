@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -131,7 +131,7 @@ class Assessment:
         for item in items:
             subject, condition, method = item.split(_BETWEEN)
             found = study.cell(subject, conditions[condition], methods[method], self.runs, self.seed)
-            rows.append({"path": item, "error": None, **asdict(found)})
+            rows.append({"path": item, "error": None, **found._asdict()})
         return rows
 
 
@@ -156,5 +156,4 @@ def assess(
     work = partial(in_processes, processes=processes)
     finished = run_fleet(wanted, Assessment(study.name, runs, seed), folder, work, progress, batch=len(study.methods))
     rows = {row["path"]: row for row in finished.rows}
-    names = [field.name for field in fields(study.figures)]
-    return [study.figures(**{name: rows[item][name] for name in names}) for item in wanted]
+    return [study.figures(**{name: rows[item][name] for name in study.figures._fields}) for item in wanted]

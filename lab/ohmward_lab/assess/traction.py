@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -452,8 +452,7 @@ OBSERVER_PROCESSORS = (
 )
 
 
-@dataclass(frozen=True)
-class SlipFigures:
+class SlipFigures(NamedTuple):
     """Figures of one observer of one robot under one condition."""
 
     robot: str
@@ -472,8 +471,7 @@ class SlipFigures:
     detected: float
     false_alarms: float
     operations: int  #: in a step
-    #: time per sample with many drives side by side; depends on the machine and is no part of equality
-    ns: float = field(compare=False)
+    ns: float  #: time per sample with many drives side by side; depends on the machine and is not reproducible
 
     @property
     def subject(self) -> str:
