@@ -138,6 +138,12 @@ class Bench:
         self.answers.set()
 
     async def _operate(self) -> None:
+        while not self.beats:
+            with suppress(OhmwardError):  # frames of a robot that ran before may be on the bus before it listens
+                await self._answer_beats()
+            await asyncio.sleep(0.01)
+
+    async def _answer_beats(self) -> None:
         async for beat in self.link.beats():
             self.beats.append(beat)
             self.hangs = not self.answers.is_set()
