@@ -105,6 +105,8 @@ WAYS = {
 }
 #: Those of every kind of drive; the others show where the errors of all of them come from.
 JUDGED = (Known(), Known(course=True))
+#: Those that decide when to turn for home.
+TURNING = (Known(), Known(end=True))
 
 
 class Question(NamedTuple):
@@ -117,13 +119,19 @@ class Question(NamedTuple):
     truth: float  #: distance that was left
 
 
+class Return(NamedTuple):
+    """What became of a promise to come home."""
+
+    is_home: bool
+    given_up: float  #: distance of the turn short of half of the range, over that half
+
+
 class Drive(NamedTuple):
     """Answers along a drive, and what became of each promise."""
 
     case: Case
     questions: tuple[Question, ...]
-    home: tuple[bool, ...]  #: for each of PROMISES
-    given_up: tuple[float, ...]
+    returns: dict[Known, tuple[Return, ...]]  #: for each of PROMISES
     reach_m: float
 
 
@@ -209,10 +217,11 @@ def driven(case: Case) -> Drive:
         )
         for k in estimates
     )
-    home, given_up = zip(
-        *(promised(p, case, rng, world, day, course, out, estimates, place_m[stop]) for p in PROMISES), strict=True
-    )
-    return Drive(case, questions, home, given_up, float(place_m[stop]))
+    returns = {
+        way: tuple(promised(p, case, rng, world, day, course, out, answers[way], place_m[stop]) for p in PROMISES)
+        for way in TURNING
+    }
+    return Drive(case, questions, returns, float(place_m[stop]))
 
 
 def learnt_world(rng: np.random.Generator) -> tuple[World, Consumption]:
@@ -349,8 +358,8 @@ def promised(
     out: Record,
     estimates: dict[int, RangeEstimate],
     reach_m: float,
-) -> tuple[bool, float]:
-    """Whether the robot comes home that turns where the probability falls below a promise, and what it gave up."""
+) -> Return:
+    """What becomes of the robot that turns where the probability falls below a promise."""
     place_m = DT_S * np.cumsum(out.speed_m_s)
     turn = next((k for k, e in estimates.items() if e.home_probability < promise), max(estimates))
     back = way_back(course, place_m[turn])
@@ -360,7 +369,7 @@ def promised(
     steps = int(np.argmax(way_m >= 0.99 * place_m[turn])) or len(way_m) - 1
     power_W = np.concatenate([out.power_W[:turn], record.power_W[:steps]])
     _, _, stop = driven_log(case, power_W, rng, world)
-    return stop >= len(power_W) - 1, 1.0 - float(place_m[turn]) / (0.5 * reach_m)
+    return Return(stop >= len(power_W) - 1, 1.0 - float(place_m[turn]) / (0.5 * reach_m))
 
 
 def page(drives: Sequence[Drive]) -> str:
@@ -390,12 +399,13 @@ def figures(drives: Sequence[Drive]) -> Iterator[Figure]:
             for d in drives
         ]
         yield from calibration(f"charge {25 * quarter} to {25 * quarter + 25} %", part, (70.0, 90.0))
-    for k, promise in enumerate(PROMISES):
-        missed = 1000.0 * np.mean([not d.home[k] for d in drives])
+    for way, (k, promise) in product(TURNING, enumerate(PROMISES)):
+        name, returns = f"home promised {promise:.0%}{WAYS[way]}", [d.returns[way][k] for d in drives]
+        missed = 1000.0 * np.mean([not r.is_home for r in returns])
         bars = (30.0, 70.0) if promise == 0.95 else (5.0, 15.0)
-        yield between(f"home promised {promise:.0%}", "", "missed returns per 1,000", missed, bars)
-        given = 100.0 * float(np.median([d.given_up[k] for d in drives]))
-        yield at_most(f"home promised {promise:.0%}", "", "given up [% of half of the range]", given, 12.0)
+        yield between(name, "", "missed returns per 1,000", missed, bars)
+        given = 100.0 * float(np.median([r.given_up for r in returns]))
+        yield at_most(name, "", "given up [% of half of the range]", given, 12.0)
 
 
 def calibration(
