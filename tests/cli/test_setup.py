@@ -155,6 +155,12 @@ def test_a_unit_is_asked_for_where_the_values_cannot_be_in_that_of_the_quantity(
     assert asked == ([f"voltage={unit}"] if unit else [])
 
 
+def test_kelvin_is_offered_for_values_that_are_kelvin():
+    heard = Offered("BMS.Temp", "Temp", time_s=np.arange(2.0), values=np.array([298.0, 299.0]))
+    asked = [q.example for q in recognise([heard], None, Answers()).questions if "unit" in q.option]
+    assert asked == ["temperature=K"]
+
+
 def test_a_speed_of_the_motor_is_divided_by_the_gear(folder, set_up):
     (folder / "bus.dbc").write_text(database({"Drive": {"MotorRPM_L": "rpm", "MotorRPM_R": "rpm"}}))
     words = ("bus.dbc", *SIZES, "--gear", "5")

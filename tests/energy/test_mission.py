@@ -73,6 +73,11 @@ def test_the_state_of_the_battery_is_that_of_plan_and_log():
     assert notes == []
 
 
+def test_the_cut_off_of_a_plan_can_be_switched_off():
+    state, _ = battery_at_end(battery(), replace(SOC, cutoff_V=0.0), PLAN, LOG)
+    assert state.cutoff_V == 0.0
+
+
 def test_a_log_that_ends_at_the_cut_off_is_remembered():
     settings = MissionSettings(initial_soc=0.9, initial_soc_std=0.01, reserve_soc=0.0, cutoff_V=24.0)
     end = analyse(battery((20.0, 28.0)), start(PRIOR), LOG, ground="grass", settings=settings).consumption.end

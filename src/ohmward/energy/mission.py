@@ -119,7 +119,8 @@ class MissionSettings:
     initial_soc_std: float = 0.03  #: standard deviation of `initial_soc`
     filter: str = DEFAULT  #: estimator of the state of charge, see `make_estimator`
     reserve_soc: float | None = None  #: state of charge that must be left; None takes the plan's, else 0.1
-    cutoff_V: float | None = None  #: terminal voltage at which the robot stops; None takes the plan's
+    #: terminal voltage at which the robot stops; 0 if nothing monitors it; None takes the plan's
+    cutoff_V: float | None = None
     payload_kg: float = 0.0  #: load during the log
     speed_column: str = "speed_m_s"  #: column of the log's speed [m/s], used without wheels
     terrain: Terrain | None = None  #: ground that the observer of the wheels assumes at first; None is dry asphalt
@@ -234,7 +235,9 @@ def battery_at_end(
 
 def cutoff_of(settings: MissionSettings, plan: Plan | None) -> float:
     """Voltage at which the robot stops, from the settings or the plan; 0 if nothing monitors it."""
-    return settings.cutoff_V or (plan.cutoff_V if plan else 0.0)
+    if settings.cutoff_V is not None:
+        return settings.cutoff_V
+    return plan.cutoff_V if plan else 0.0
 
 
 def stretches_ahead(plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:

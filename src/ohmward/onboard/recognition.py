@@ -334,8 +334,9 @@ def _fitting(signal: str, one: Offered, robot: Robot | None) -> list[str]:
     if not (math.isfinite(lowest) and math.isfinite(highest)):
         return [unit.symbol for unit in of_speed]
     radius_m = robot.wheel.radius_m if robot else 1.0
-    scales = {
-        unit.symbol: unit.scale / (radius_m if quantity.owner == "wheel" and _by_radius(unit) else 1.0)
-        for unit in of_speed
-    }
-    return [symbol for symbol, scale in scales.items() if low <= scale * lowest and scale * highest <= high]
+
+    def is_possible(unit: Unit) -> bool:
+        scale = unit.scale / (radius_m if quantity.owner == "wheel" and _by_radius(unit) else 1.0)
+        return low <= scale * lowest + unit.offset and scale * highest + unit.offset <= high
+
+    return [unit.symbol for unit in of_speed if is_possible(unit)]

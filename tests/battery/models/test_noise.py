@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.errors import InputError
 
 
@@ -21,6 +21,19 @@ def test_overpotential_share_is_one_number_or_stands_on_a_grid():
 def test_a_negative_share_is_refused():
     with pytest.raises(InputError, match="overpotential_share"):
         BatteryNoise(overpotential_share=(0.1, -0.1))
+
+
+@pytest.mark.parametrize("name", ["model_std_V", "overpotential_share"])
+def test_a_grid_of_one_value_is_refused(name):
+    with pytest.raises(InputError, match=rf"noise\.{name} must have 2 values or more on its grid of SoC"):
+        BatteryNoise(**{name: (0.008,)})
+
+
+def test_an_offset_may_walk_where_it_was_known_exactly():
+    sensor = CurrentSensor(offset_std_A=0.0, offset_walk_A=0.01)
+    after_a_day_A = 0.01 * math.sqrt(24.0)
+    assert not sensor.contradicts(2.9 * after_a_day_A)
+    assert sensor.contradicts(3.1 * after_a_day_A)
 
 
 DAY_S = 86400.0

@@ -226,6 +226,8 @@ def test_a_run_counts_its_flags():
 def test_per_cent_are_refused():
     with pytest.raises(InputError, match=r"initial_soc must be between 0 and 1 \(0\.8 is 80 %\), got 80"):
         SocEstimator(ESTIMATORS["ekf"], initial_soc=80.0)
+    with pytest.raises(InputError, match="initial_soc_std must be > 0, got -1"):
+        SocEstimator(ESTIMATORS["ekf"], initial_soc_std=-1.0)
 
 
 def test_a_step_takes_microseconds():

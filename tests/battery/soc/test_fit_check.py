@@ -9,6 +9,7 @@ import pytest
 
 from ohmward import SocEstimator, generic_battery, identify, make_robot_day
 from ohmward.battery.battery import Battery
+from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import LARGEST, lasting_error, misfits
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
@@ -66,6 +67,15 @@ def test_an_impossible_offset_is_flagged_live(tested):
     ]
     assert flags[0] == 0
     assert flags[-1] & SocFlag.MISFIT
+
+
+def test_a_sensor_without_an_error_is_no_misfit(tested):
+    exact = replace(tested, sensor=CurrentSensor(offset_std_A=0.0, offset_walk_A=0.0))
+    estimator = SocEstimator(exact, 0.5)
+    log = _rest(tested, hours=0.5, current_A=0.0)
+    run = estimator.run(log)
+    assert not misfits(exact, log, run.settings, run.estimates)
+    assert not np.any(run.estimates.flags.astype(int) & SocFlag.MISFIT)
 
 
 def test_errors_over_those_that_are_expected():

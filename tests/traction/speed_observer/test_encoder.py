@@ -36,8 +36,13 @@ def test_the_noise_of_quantisation():
     assert np.std(error) == pytest.approx(quantisation_std_rad_s(4096, 0.01), rel=0.03)
 
 
+def test_a_counter_that_never_wraps_around():
+    speeds = wheel_speeds(np.array([[0], [-400]]), np.array([0.0, 1.0]), 100, bits=62)
+    assert speeds[1, 0] == pytest.approx(-4 * 2 * np.pi)
+
+
 def test_what_is_refused():
     with pytest.raises(InputError, match=r"counts must be \(T, wheels\)"):
         wheel_speeds(np.zeros(3, dtype=int), np.zeros(3), 100)
-    with pytest.raises(InputError, match="bits must be between 8 and 63, got 4"):
+    with pytest.raises(InputError, match="bits must be between 8 and 62, got 4"):
         wheel_speeds(np.zeros((2, 1), dtype=int), np.arange(2.0), 100, bits=4)

@@ -9,6 +9,7 @@ from typing import Any
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by_weather
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
+from ohmward.errors import InputError
 from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
@@ -107,6 +108,8 @@ class BatteryNoise:
                 require_positive(f"noise.{f.name}", value)
             else:
                 require_between(f"noise.{f.name}", value, 0.0, 1.0 if f.name == "ageing_correlation" else float("inf"))
+            if isinstance(value, tuple | list) and len(value) < 2:
+                raise InputError(f"noise.{f.name} must have 2 values or more on its grid of SoC, got {value}")
 
     def on(self, unix_s: float) -> BatteryNoise:
         """The noise on a day: capacity and resistances are less certain the more time has passed since the last log.
@@ -197,6 +200,8 @@ NOISE_SHARE = 0.002
 
 #: An offset of more standard deviations is not credible: something else is wrong.
 MOST_OFFSET = 3.0
+#: A smaller difference of two offsets is rounding.
+_LEAST_OFFSET_A = 1e-9
 
 
 @dataclass(frozen=True)
@@ -217,9 +222,14 @@ class CurrentSensor:
         """Process variance [A^2] of the offset in one step."""
         return walk_variance(self.offset_walk_A, SECONDS_PER_HOUR, dt_s)
 
+    @property
+    def offset_after_a_day_std_A(self) -> float:
+        """Error of `offset_A` after a day of its random walk; never 0."""
+        return max(math.sqrt(self.offset_std_A**2 + self.offset_walk_variance(DAY_S)), _LEAST_OFFSET_A)
+
     def contradicts(self, offset_A: Scalar) -> Any:
         """True where this sensor cannot have such an offset."""
-        return abs(offset_A - self.offset_A) > MOST_OFFSET * self.offset_std_A
+        return abs(offset_A - self.offset_A) > MOST_OFFSET * self.offset_after_a_day_std_A
 
     def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
         """Rest threshold of the measured current [A]: `share` of 1 C plus three sigma of the noise."""

@@ -158,7 +158,7 @@ class RestOcv:
     settle_s: float = 900.0  #: length of a rest before its voltage is used
 
     def __post_init__(self) -> None:
-        require_each_positive("", self, "gap_s", "rest_share")
+        require_each_positive("", self, "gap_s", "rest_share", "settle_s")
 
     @property
     def counting(self) -> CoulombCounting:

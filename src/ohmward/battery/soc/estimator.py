@@ -81,6 +81,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     ):
         if initial_soc is not None and not 0.0 <= number("initial_soc", initial_soc) <= 1.0:
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
+        require_positive("initial_soc_std", initial_soc_std)
         super().__init__(estimator_of(battery, filter), lowering)
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std

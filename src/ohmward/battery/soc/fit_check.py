@@ -57,7 +57,7 @@ def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, es
     offset_A, capacity = float(estimates.current_offset_A[-1]), float(estimates.soh_capacity[-1])
     needed = []
     if sensor.contradicts(offset_A):
-        times = abs(offset_A - sensor.offset_A) / sensor.offset_std_A
+        times = abs(offset_A - sensor.offset_A) / sensor.offset_after_a_day_std_A
         needed.append(f"an offset of the current sensor of {offset_A:.3g} A, {times:.1f} times its standard deviation")
     if implausible_capacity(capacity):
         needed.append(f"a capacity of {capacity:.2g} times the file's")

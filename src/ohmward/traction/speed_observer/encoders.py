@@ -256,7 +256,8 @@ def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Sca
 def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
     """Mean speed (T, wheels) [rad/s] of each wheel since the previous count; nan in the first row and where dt <= 0.
 
-    counts: (T, wheels) whole numbers, of a counter that wraps around after `bits` bits, signed or not.
+    counts: (T, wheels) whole numbers, of a counter that wraps around after `bits` bits, signed or not; 62 for one that
+        never does.
     time_s: (T,) of each row.
 
     Raises:
@@ -266,8 +267,8 @@ def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float,
     if counts.ndim != 2 or len(counts) != len(time_s):
         raise InputError(f"counts must be (T, wheels) with T = {len(time_s)} times, got shape {counts.shape}")
     require_positive("counts_per_turn", counts_per_turn)
-    if not 8 <= bits <= 63:
-        raise InputError(f"bits must be between 8 and 63, got {bits}")
+    if not 8 <= bits <= 62:
+        raise InputError(f"bits must be between 8 and 62, got {bits}")
     speeds = np.full(counts.shape, np.nan)
     dt_s = np.diff(time_s)
     good = dt_s > 0
