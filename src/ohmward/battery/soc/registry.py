@@ -150,7 +150,7 @@ ESTIMATORS: dict[str, Choice] = {
     "rc": Choice("RC model, one RC pair alike at every SoC, extended Kalman filter", _one_pair),
     "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
     "textbook-ukf": Choice(
-        "Thevenin model, SoC and RC voltages only, unscented Kalman filter, as in [P]", _textbook("ukf")
+        "Thevenin model, SoC and RC voltages only, unscented filter, as in [P]", _textbook("ukf")
     ),
     "coulomb": Choice("coulomb counting", _counting(CoulombCounting)),
     "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _counting(RestOcv)),
