@@ -108,6 +108,9 @@ _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
 _GERMAN = ("", "batterie", "akku", "pack", "klemmen", "gesamt")
 _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 
+#: Of what says how far another value can be trusted: an estimator refuses that one where this is too large.
+_NOT_NEGATIVE = ValueLimits(0.0, math.inf)
+
 _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
@@ -170,7 +173,8 @@ _TABLE = (
         words_of("current", "currents", "cur", "curr", "i", "iq", "amps"), "A or mA",
     ),
     Quantity(
-        "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s", ValueLimits(-50.0, 50.0),
+        "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s",
+        ValueLimits(-35.0, 35.0),  # 2000 degrees per second
         words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro w omega", "z"),
                  "angular velocity z", "ang vel z"),
         "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
@@ -181,20 +185,20 @@ _TABLE = (
                  *(f"linear {name}" for name in each_with_each("acceleration accel acc", "x forward"))),
         "m/s2 or g", ros_type=_IMU, ros_field="linear_acceleration.x",
     ),
-    Quantity("pitch_rad", "pitch from an attitude filter, > 0 with the nose up", "body", "rad", ValueLimits(-1.6, 1.6),
+    Quantity("pitch_rad", "pitch from an attitude filter, > 0 with the nose up", "body", "rad", ValueLimits(-1.5, 1.5),
              words_of("pitch", "pitch angle"), "rad or deg"),
     Quantity(
         "speed_m_s", "speed of the body from GNSS, visual or lidar odometry", "body", "m/s", ValueLimits(-50.0, 50.0),
         words_of(*each_with_each("speed velocity", _SPEEDOMETERS)),
         "m/s or km/h", ros_type=_ODOMETRY, ros_field="twist.twist.linear.x",
     ),
-    Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", ValueLimits(0.0, 50.0),
+    Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", _NOT_NEGATIVE,
              words_of(*(f"speed {name}" for name in each_with_each("std sigma", _SPEEDOMETERS))), "m/s"),
-    Quantity("speed_age_s", "age of that speed", "body", "s", ValueLimits(0.0, 10.0),
+    Quantity("speed_age_s", "age of that speed", "body", "s", _NOT_NEGATIVE,
              words_of(*(f"age {name}" for name in each_with_each("speed", _SPEEDOMETERS))), "s or ms"),
     Quantity("heading_rad", "heading from a compass or GNSS antennas, > 0 to the left, from any zero", "body", "rad",
              ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
-    Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", ValueLimits(0.0, 3.2),
+    Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", _NOT_NEGATIVE,
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
     Quantity("pose_reset", "1 when the pose is to restart at its origin", "body", "1", ValueLimits(0.0, 1.0),
              estimated_from=False),

@@ -261,6 +261,12 @@ def test_the_first_heading_is_the_zero_and_the_next_ones_correct_the_joint_gauss
     assert_allclose(found.yaw_rad[:-1], plain.yaw_rad[:-1], atol=1e-12)  # the zero alone is learnt from the first
 
 
+def test_a_heading_that_its_source_calls_unknown_is_not_used():
+    still = turning(np.full(50, math.nan), 50)
+    unknown = turning(np.linspace(0.0, 1.0, 50), 50, std=3.0)
+    np.testing.assert_array_equal(run(FILTER, unknown).pose_cov, run(FILTER, still).pose_cov)
+
+
 def test_of_headings_whose_errors_are_alike_one_counts():
     steps = round(HEADING_WAIT * NOISE.correlation_s / DT_S) + 1
     often = run(FILTER, turning(np.full(steps, 1.0), steps))

@@ -19,7 +19,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.sanitize import between, sanitize_step, some, within
 from ohmward.logs.drive_log import DriveLog
-from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S
+from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S, limits_of
 from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
@@ -190,13 +190,11 @@ def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndar
 #: Longest step [s]: a longer one is a clock that was set, not a robot that waited.
 LONGEST_STEP_S = 3600.0
 
-#: A faster turn [rad/s] is a gyro's fault: gyros on robots have a range of 2000 degrees per second.
-MOST_YAW_RAD_S = 35.0
+#: A faster turn [rad/s] or a steeper pitch [rad] is a sensor's fault.
+MOST_YAW_RAD_S = limits_of("yaw_rate_rad_s").highest
+STEEPEST_RAD = limits_of("pitch_rad").highest
 
-#: A steeper pitch [rad] is a sensor's fault.
-STEEPEST_RAD = 1.5
-
-#: An older speed [s] is not used, nor is a standard deviation [m/s] outside these limits.
+#: An older speed [s] is not used, nor is one with a larger standard deviation [m/s]; a smaller one counts as not given.
 OLDEST_S = 60.0
 SPEED_STD_M_S = (1e-4, 10.0)
 
@@ -249,13 +247,19 @@ class EncoderWatch(NamedTuple):
     repeated_s: np.ndarray
 
 
+def is_usable(std: Scalar, limits: tuple[float, float]) -> Any:
+    """False for a value whose source gives a standard deviation above the limits; nan is one that is not given."""
+    return logical_not(std > limits[1])
+
+
 def sanitize(sample: RobotSample, gap_s: float) -> CleanSample:
     """The sample without values that no sensor or clock can give; a step longer than `gap_s` is a gap."""
     time = sanitize_step(sample.dt_s, LONGEST_STEP_S, gap_s)
     measured_A = np.array([within(current, MOST_MOTOR_A) for current in sample.current_A])
     measured = np.array([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
     modelled_s = minimum(time.dt_s, gap_s)
-    credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
+    usable = is_usable(sample.speed_std_m_s, SPEED_STD_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
+    credible = within(sample.speed_m_s, FASTEST_M_S) & usable
     return CleanSample(
         dt_s=time.dt_s,
         modelled_s=modelled_s,

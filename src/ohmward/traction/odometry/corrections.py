@@ -26,6 +26,7 @@ from ohmward.traction.motion.sample import (
     CleanSample,
     History,
     change_since,
+    is_usable,
     sum_since,
 )
 from ohmward.traction.odometry.model import (
@@ -239,9 +240,9 @@ def use_speeds(
     overrun_m: distance by which the pose is ahead of the outside speeds, see `Overrun`.
     """
     age_s = clean.speed_age_s
-    credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
-    left_m_s = where(credible, sample.speed_left_m_s, np.nan)
     own_std = sample.speed_left_std_m_s
+    usable = is_usable(own_std, SPEED_STD_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
+    left_m_s = where(within(sample.speed_left_m_s, FASTEST_M_S) & usable, sample.speed_left_m_s, np.nan)
     left_std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
     y = clean.speed_m_s + change_since(history, age_s) + outside.late_m_s
     since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
@@ -317,7 +318,8 @@ def use_heading(
     own = sample.heading_std_rad
     std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
     wait_s = maximum(times.wait_s - u.dt_s, 0.0)
-    measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
+    usable = is_usable(own, HEADING_STD) & (wait_s <= 0.0)
+    measured = within(sample.heading_rad, MOST_HEADING_RAD) & usable
     expected_rad = heading(body.belief.mean)[0]
     turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
     nu = turned_rad % (2.0 * math.pi) - math.pi
@@ -353,7 +355,8 @@ def use_increment(
         std = where(between(own, *INCREMENT_STD), own, noise.increment_walk[axis] * sqrt(length_s))
         variance = std**2 + (u.motion_std[axis] * length_s) ** 2 * change
         now = twist(body.belief.mean, u)[axis] * length_s
-        y = where(used, sample.increment[axis] - seen.increment[axis] + now, np.nan)
+        usable = used & is_usable(own, INCREMENT_STD)
+        y = where(usable, sample.increment[axis] - seen.increment[axis] + now, np.nan)
         belief, outside = use_motion(body.belief, y, axis, state, length_s, variance, u, gate)
         body, rejected = body._replace(belief=belief), some([rejected, outside])
     return body._replace(increment_rejected=rejected, increment_too_old=measured & logical_not(remembered))

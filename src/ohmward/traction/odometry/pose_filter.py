@@ -300,7 +300,7 @@ class PoseFilter:
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
             OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.sensors.held.probability > ALARM),
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
-            OdometryFlag.SPEED_REJECTED: body.speed_rejected,
+            OdometryFlag.SPEED_REJECTED: some([body.speed_rejected, clean.speed_refused]),
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,
             OdometryFlag.INCREMENT_REJECTED: body.increment_rejected,
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,

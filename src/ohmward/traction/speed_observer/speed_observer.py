@@ -412,7 +412,7 @@ class SpeedObserver:
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
             SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
             SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, stuck_gyro]),
-            SlipFlag.SPEED_REJECTED: body.speed_rejected,
+            SlipFlag.SPEED_REJECTED: some([body.speed_rejected, clean.speed_refused]),
             SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
             SlipFlag.SPEED_UNOBSERVED: unobserved_s > SEEN_S,
