@@ -166,10 +166,28 @@ def test_missing_values_and_faults_are_survived_and_flagged():
     rng = np.random.default_rng(1)
     garbage = [None, math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0, 1.0]
     for k in range(300):
-        v, i, u, g = rng.choice(np.array(garbage, dtype=object), 4)
-        estimator.update(5.0 + k, 0.7, v, i, u, g)
+        v, i, u, g, home, degC = rng.choice(np.array(garbage, dtype=object), 6)
+        estimator.update(5.0 + k, 0.7, v, i, u, g, home=home, temperature_degC=degC)
     assert np.isfinite(estimator.consumption.mean).all()
     assert all(np.isfinite(q) for q in driven(estimator)[-1].distance_m)
+
+
+def test_a_broken_wire_of_a_thermometer_is_no_temperature():
+    without, broken = new(), new()
+    at_first = without.update(0.0, 0.8, 0.5, -1.0, V)
+    assert broken.update(0.0, 0.8, 0.5, -1.0, V, temperature_degC=-127.0) == at_first
+
+
+def test_a_way_home_that_is_not_a_number_is_not_known():
+    assert math.isnan(new().update(0.0, 0.8, 0.5, -1.0, V, home=math.nan).home_probability)
+
+
+def test_a_clock_that_was_set_back_is_noticed_after_some_samples():
+    estimator = new()
+    for k in range(60):
+        estimator.update(float(k), 0.8, 0.5, -1.0, V)
+    flags = [estimator.update(30.0 + k, 0.8, 0.5, -1.0, V).flags for k in range(10)]
+    assert [flag & RangeFlag.BAD_TIME > 0 for flag in flags] == [True] * 4 + [False] * 6
 
 
 def test_an_estimate_of_the_charge_brings_its_uncertainty():

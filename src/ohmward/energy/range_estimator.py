@@ -6,20 +6,19 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any, Literal, Self
+from typing import Any, Self, get_type_hints
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.soc.clean_sample import is_temperature
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, start
 from ohmward.energy.consumption_file import dump_consumption, parse_consumption
 from ohmward.energy.consumption_prior import prior_from_robot
-from ohmward.energy.cut_drive import DriveMeter, DriveSample, Measured
-from ohmward.energy.discharge_end import DischargeMeter
-from ohmward.energy.leg import Leg, Stretch
-from ohmward.energy.peaks import PeakRatio
+from ohmward.energy.cut_drive import DriveSample
+from ohmward.energy.leg import Leg
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import (
     RangeEstimate,
@@ -30,7 +29,6 @@ from ohmward.energy.range_step import (
     SocNow,
     WayHome,
 )
-from ohmward.energy.sag import Sag
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
@@ -62,7 +60,7 @@ class RangeEstimator:
     >>> now.distance_m.p10 < now.distance_m.p50 < now.distance_m.p90
     True
 
-    A forecast takes about a hundredth of a second, so it is renewed every `refresh_s` and held in between.
+    A forecast takes as long as thousands of samples, so it is renewed every `refresh_s` and held in between.
 
     Args:
         battery: identified or generic.
@@ -153,7 +151,7 @@ class RangeEstimator:
             terrain or self.settings.terrain,
         )
         now = soc_now(soc, number("temperature_degC", temperature_degC))
-        way = home if home is None or isinstance(home, Sequence) else number("home", home)
+        way = home if isinstance(home, Sequence) else _missing_as_none(number("home", home))
         self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts, plan))
         return estimate
 
@@ -231,6 +229,8 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
     Raises:
         InputError: a number outside [0, 1].
     """
+    if not is_temperature(temperature_degC):
+        temperature_degC = math.nan
     if isinstance(soc, SocEstimate):
         known = min(max(float(soc.soc), 0.0), 1.0) if soc.soc == soc.soc else math.nan
         return SocNow(
@@ -246,6 +246,10 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
     if not math.isnan(value) and not 0.0 <= value <= 1.0:
         raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {value:g}")
     return SocNow(value, temperature_degC=temperature_degC)
+
+
+def _missing_as_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:
@@ -270,34 +274,18 @@ def _along(estimates: Sequence[RangeEstimate]) -> RangeEstimate:
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists for JSON, which has neither NaN nor infinity: those become None and text."""
+    """Tuples as lists for JSON, which has neither NaN nor infinity: those become text."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return repr(value) if math.isinf(value) else snapshot.to_json(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return repr(value)
     return int(value) if isinstance(value, RangeFlag) else value
 
 
-#: A number as `_plain` writes it, and the types of the state written with it.
-_Number = float | None | Literal["inf", "-inf"]
-_Sample = tuple[_Number, _Number, _Number, _Number, str]
-_Stretch = tuple[str, float, float, float, float, float, float, float, float]
-_Measured = tuple[_Stretch, float, float, float] | None
-_Quantiles = tuple[_Number, _Number, _Number]
-_State = tuple[
-    str,
-    tuple[_Sample, _Measured, _Measured],
-    list[_Stretch],
-    float,
-    tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number],
-    tuple[_Quantiles, _Quantiles, _Quantiles, _Quantiles, _Number, float, int],
-    _Number,
-    float,
-    tuple[float, float, float],
-    tuple[float, float, float, float, float, float, _Number],
-    tuple[_Number, _Number, float, float, float, float],
-    _Number,
-]
+#: Types of the state as `_plain` writes it.
+_FORECAST = tuple[Quantiles, Quantiles, Quantiles, Quantiles, float, float, int]
+_FIELDS = get_type_hints(RangeState) | {"consumption": str, "forecast": _FORECAST}
+_STATE: Any = tuple[tuple(_FIELDS.values())]  # type: ignore[misc]
 
 
 def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
@@ -305,52 +293,7 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
-    (
-        table,
-        (last, moving, stop),
-        recent,
-        finished_m,
-        soc,
-        forecast,
-        forecast_s,
-        peak_W,
-        ratio,
-        discharge,
-        sag,
-        began_s,
-    ) = snapshot.typed(_State, "state", taken.get("state"))
-    distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
-    meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
-    return RangeState(
-        parse_consumption(table),
-        meter,
-        tuple(Stretch(*row) for row in recent),
-        finished_m,
-        SocNow(*map(_number, soc)),
-        RangeEstimate(
-            Quantiles(*map(_number, distance_m)),
-            Quantiles(*map(_number, duration_s)),
-            Quantiles(*map(_number, usable_J)),
-            Quantiles(*map(_number, per_m)),
-            _number(home),
-            driven_m,
-            RangeFlag(flags),
-        ),
-        _number(forecast_s),
-        peak_W,
-        PeakRatio(*ratio),
-        DischargeMeter(*map(_number, discharge)),
-        Sag(*map(_number, sag)),
-        _number(began_s),
-    )
-
-
-def _measured(row: list[Any] | None) -> Measured | None:
-    return None if row is None else Measured(Stretch(*row[0]), *row[1:])
-
-
-def _number(value: Any) -> Any:
-    """Number as `_plain` wrote it; names are unchanged."""
-    if value is None:
-        return math.nan
-    return float(value) if value in ("inf", "-inf") else value
+    table, *others = snapshot.typed(_STATE, "state", taken.get("state"), strict=False)
+    state = RangeState(parse_consumption(table), *others)
+    forecast = RangeEstimate(*state.forecast)
+    return state._replace(forecast=forecast._replace(flags=RangeFlag(forecast.flags)))

@@ -27,7 +27,7 @@ from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_along, ran
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
 from ohmward.errors import InputError
-from ohmward.filters.estimator import CLOCK_SET_S
+from ohmward.filters.estimator import LateSamples, clock_after
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
 from ohmward.quantities import FASTEST_M_S, MOST_C
@@ -64,7 +64,7 @@ class RangeFlag(SampleFlag):
     NO_SOC = 1  # no number: the last one is held; before the first there is no forecast
     NO_POWER = 2  # current or voltage is missing: nothing is learned from this part of the drive
     NO_SPEED = 4  # likewise
-    BAD_TIME = 8  # no number, or before the last sample: not used for the drive
+    BAD_TIME = 8  # no number, or late: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
 
 
@@ -130,6 +130,7 @@ class RangeState(NamedTuple):
     discharge: DischargeMeter = DischargeMeter()  #: since the highest state of charge on this drive
     sag: Sag = Sag()  #: of the battery under its loads
     began_s: float = math.nan  #: time of the first sample
+    late: LateSamples = LateSamples()  #: samples earlier than the last one
 
 
 @dataclass(frozen=True)
@@ -171,13 +172,17 @@ class RangeSettings:
 
     def step(self, state: RangeState, sample: RangeSample) -> tuple[RangeState, RangeEstimate]:
         """State and estimate after a sample."""
-        flags = flags_of_sample(state, sample)
+        time_s, flags = sample.drive.time_s, flags_of_sample(sample)
+        last_s = state.meter.last.time_s if state.meter.last else math.nan
+        clock_s, late = clock_after(last_s, time_s, state.late)
+        state = state._replace(late=late)
         if math.isfinite(sample.soc.soc):
             counted = state.discharge.with_soc(sample.soc.soc, sample.soc.soc_std)
             state = state._replace(soc=sample.soc, discharge=counted)
-        if not flags & RangeFlag.BAD_TIME:
+        if clock_s == time_s:
             state = self.drive(state, sample)
-        time_s = sample.drive.time_s
+        else:
+            flags |= RangeFlag.BAD_TIME
         if not state.forecast_s <= time_s < state.forecast_s + self.refresh_s and math.isfinite(state.soc.soc):
             state = state._replace(forecast=self.forecast(state, sample), forecast_s=time_s)
         moving_m = state.meter.moving.stretch.distance_m if state.meter.moving else 0.0
@@ -263,7 +268,7 @@ class RangeSettings:
             return ()
         if isinstance(home, Sequence):
             return tuple(map(stretch_of, home))
-        share = max(float(home), 0.0) / total_distance_m(ahead)
+        share = max(home, 0.0) / total_distance_m(ahead)
         return tuple(part_of(stretch, share) for stretch in ahead)
 
 
@@ -338,19 +343,15 @@ def reach_probability(
     return float(np.mean(needed_J(demand, z) <= usable))
 
 
-def flags_of_sample(state: RangeState, sample: RangeSample) -> RangeFlag:
+def flags_of_sample(sample: RangeSample) -> RangeFlag:
     """Flags of what is missing in a sample."""
-    drive, last = sample.drive, state.meter.last
     flags = RangeFlag(0)
     if not math.isfinite(sample.soc.soc):
         flags |= RangeFlag.NO_SOC
-    if not math.isfinite(drive.battery_W):
+    if not math.isfinite(sample.drive.battery_W):
         flags |= RangeFlag.NO_POWER
-    if not math.isfinite(drive.speed_m_s):
+    if not math.isfinite(sample.drive.speed_m_s):
         flags |= RangeFlag.NO_SPEED
-    late = last is not None and last.time_s - CLOCK_SET_S <= drive.time_s < last.time_s
-    if late or not math.isfinite(drive.time_s):
-        flags |= RangeFlag.BAD_TIME
     return flags
 
 

@@ -45,12 +45,27 @@ E = TypeVar("E", bound=tuple[Any, ...])
 class LateSamples(NamedTuple):
     """Samples in a row that are earlier than the clock, each later than the one before."""
 
-    clock_s: float  #: the clock, which they leave unchanged
-    time_s: float  #: of the last one
-    in_a_row: int  #: their number
+    clock_s: float = math.nan  #: the clock, which they leave unchanged
+    time_s: float = math.nan  #: of the last one
+    in_a_row: int = 0  #: their number
 
 
-_NOT_LATE = LateSamples(math.nan, math.nan, 0)
+def clock_after(clock_s: float, time_s: float, late: LateSamples) -> tuple[float, LateSamples]:
+    """The clock after a sample at `time_s`, and the samples in a row that have been late.
+
+    A late sample leaves it unchanged; one that is earlier by more than `CLOCK_SET_S` sets it, as does the last of
+    `CLOCK_SET_SAMPLES` late ones that follow each other in time, and time goes on from there.
+
+    clock_s: before the sample; nan before the first.
+    """
+    if not math.isfinite(time_s):
+        return clock_s, late
+    if clock_s - CLOCK_SET_S <= time_s < clock_s:
+        follows = late.clock_s == clock_s and late.time_s < time_s
+        late = LateSamples(clock_s, time_s, late.in_a_row + 1 if follows else 1)
+        if late.in_a_row < CLOCK_SET_SAMPLES:
+            return clock_s, late
+    return time_s, late
 
 
 class LiveEstimator(ABC, Generic[S, E]):
@@ -76,7 +91,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         self.settings = settings
         self.lowering = lowering
         self.time_s = math.nan
-        self._late = _NOT_LATE
+        self._late = LateSamples()
         self.last: E | None = None
         self._state: Any = None
         self._live: Live | None = None
@@ -169,20 +184,9 @@ class LiveEstimator(ABC, Generic[S, E]):
         return 0.0 if self._state is None else time_s - self.time_s
 
     def _clock(self, time_s: float) -> float:
-        """The clock after a sample at `time_s`.
-
-        A late sample leaves it unchanged; one that is earlier by more than `CLOCK_SET_S` sets it, as does the last of
-        `CLOCK_SET_SAMPLES` late ones that follow each other in time, and time goes on from there.
-        """
-        if not math.isfinite(time_s):
-            return self.time_s
-        if self.time_s - CLOCK_SET_S <= time_s < self.time_s:
-            before = self._late
-            follows = before.clock_s == self.time_s and before.time_s < time_s
-            self._late = LateSamples(self.time_s, time_s, before.in_a_row + 1 if follows else 1)
-            if self._late.in_a_row < CLOCK_SET_SAMPLES:
-                return self.time_s
-        return time_s
+        """The clock after a sample at `time_s`."""
+        clock_s, self._late = clock_after(self.time_s, time_s, self._late)
+        return clock_s
 
     def _advance(self, sample: Any, clock_s: float) -> E:
         """Estimate after one live sample (dt_s, ...), and the clock then."""

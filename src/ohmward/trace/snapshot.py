@@ -132,15 +132,17 @@ def from_json(name: str, value: Any) -> float:
     return float(value)
 
 
-def typed(hint: Any, name: str, value: Any) -> Any:
+def typed(hint: Any, name: str, value: Any, strict: bool = True) -> Any:
     """A part of a snapshot converted to a type, such as `tuple[float, str]`.
+
+    strict: False converts the texts of numbers, too.
 
     Raises:
         InputError: it does not fit the type.
     """
     msgspec = require("msgspec", "reading snapshots")
     try:
-        return msgspec.convert(value, hint)
+        return msgspec.convert(value, hint, strict=strict)
     except msgspec.ValidationError as error:
         raise InputError(f"snapshot {name} cannot be read ({error}); {_ADVICE}") from error
 

@@ -23,10 +23,11 @@ def test_a_negative_share_is_refused():
         BatteryNoise(overpotential_share=(0.1, -0.1))
 
 
-@pytest.mark.parametrize("name", ["model_std_V", "overpotential_share"])
-def test_a_grid_of_one_value_is_refused(name):
-    with pytest.raises(InputError, match=rf"noise\.{name} must have 2 values or more on its grid of SoC"):
-        BatteryNoise(**{name: (0.008,)})
+def test_a_grid_of_one_value_is_refused():
+    with pytest.raises(InputError, match=r"noise\.model_std_V must have 2 values or more on its grid of SoC"):
+        BatteryNoise(model_std_V=(0.008,))
+    with pytest.raises(InputError, match=r"noise\.overpotential_share must have 2 values or more"):
+        BatteryNoise(overpotential_share=(0.05,))
 
 
 def test_an_offset_may_walk_where_it_was_known_exactly():

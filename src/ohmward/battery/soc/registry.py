@@ -149,9 +149,7 @@ ESTIMATORS: dict[str, Choice] = {
     "gsf": Choice("Thevenin model, Gaussian sum of three extended Kalman filters", _gaussian_sum),
     "rc": Choice("RC model, one RC pair alike at every SoC, extended Kalman filter", _one_pair),
     "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
-    "textbook-ukf": Choice(
-        "Thevenin model, SoC and RC voltages only, unscented filter, as in [P]", _textbook("ukf")
-    ),
+    "textbook-ukf": Choice("Thevenin model, SoC and RC voltages only, unscented filter, as in [P]", _textbook("ukf")),
     "coulomb": Choice("coulomb counting", _counting(CoulombCounting)),
     "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _counting(RestOcv)),
 }
