@@ -82,6 +82,11 @@ def test_a_robot_has_filters_and_controllers(what, tmp_path, capsys):
     assert "robot_step" in (tmp_path / "robot.h").read_text()
 
 
+@pytest.mark.parametrize("robot", ["husky", "TurtleBot4"])
+def test_every_robot_of_the_package_has_a_controller(robot, tmp_path):
+    assert main(["export", robot, "--filter", "speed-controller", "--name", "wheel", "-o", str(tmp_path)]) == 0
+
+
 def test_a_robot_file_is_known_by_its_format(tmp_path, capsys):
     save_robot(ROBOTINO, tmp_path / "mine.toml")
     options = ["--filter", "speed-controller", "--name", "wheel", "-o", str(tmp_path / "out")]

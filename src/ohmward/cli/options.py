@@ -9,10 +9,8 @@ from ohmward.logs.hints import TOPIC
 
 #: Help of an argument that names a chemistry.
 CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"
-#: Robots that come with the package, by their names in --robot; any other value is a file.
-BUILT_IN = ("rlma", "robotino", "seeder")
 #: Help of an argument that names a robot.
-ROBOT = f"robot file, or {', '.join(BUILT_IN[:-1])} or {BUILT_IN[-1]}"
+ROBOT = "robot file, or the name of one that comes with the package, such as rlma, turtlebot4 or husky"
 DEFAULT_TERRAIN = "dry asphalt"
 
 #: Quantities whose columns --truth of a drive may name, in this order, and their dimensions.

@@ -18,7 +18,7 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import InputError
-from ohmward.filters.estimator import Progress, numbers
+from ohmward.filters.estimator import Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.battery_columns import find_cells
 from ohmward.logs.log import Log, LogSource, as_log
@@ -176,12 +176,12 @@ class PackEstimator:
             InputError: something other than numbers, or not one for each cell of the battery.
         """
         cells_V = numbers("cell_voltages_V", cell_voltages_V, self.settings.n_series)
+        time_s = number("time_s", time_s)
         dt_s = 0.0 if self.typical.state is None else time_s - self.typical.time_s
         pack_V = float(self.typical_voltage(cells_V[None])[0])
         now = self.typical.update(time_s, current_A, pack_V, temperature_degC)
         typical = _typical_cell(now, pack_V)
-        current_A = math.nan if current_A is None else float(current_A)
-        temperature_degC = math.nan if temperature_degC is None else float(temperature_degC)
+        current_A, temperature_degC = number("current_A", current_A), number("temperature_degC", temperature_degC)
         samples = [
             CellSample(dt_s, current_A, self.settings.n_series * float(cell_V), temperature_degC, typical)
             for cell_V in cells_V

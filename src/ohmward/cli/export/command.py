@@ -19,7 +19,7 @@ from ohmward.cli.battery_inputs import (
     read_battery_log,
     read_options,
 )
-from ohmward.cli.options import BUILT_IN, DEFAULT_TERRAIN
+from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.embedded import blind
 from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
@@ -31,6 +31,7 @@ from ohmward.errors import InputError
 from ohmward.logs.log import ReadOptions
 from ohmward.toml_file import noun_of
 from ohmward.traction import load_robot
+from ohmward.traction.robot.packaged import PACKAGED
 
 #: Module of a Python file unless another is named: blind benchmarks import `Model` from `Model.py`.
 _MODULE = "Model"
@@ -39,7 +40,7 @@ _MODULE = "Model"
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
     # errors in all other files are reported by the reader of battery files
-    is_robot = args.file.lower() in BUILT_IN or noun_of(args.file) == "robot"
+    is_robot = args.file.lower() in PACKAGED or noun_of(args.file) == "robot"
     notes: list[str] = []
     if args.terrain and not is_robot:
         raise InputError(f"--terrain is the ground under a robot, and {args.file} is a battery; leave it out")

@@ -222,12 +222,11 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     Raises:
         InputError: an unknown name, or a log without the speed of a driven wheel.
     """
-    require_one_of("filter", name, FILTERS)
+    method, matching = filter_named(name)
     if not np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).any():
         raise InputError(
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"
         )
-    method, matching = FILTERS[name]
     tracked = with_effective_track(robot, log)
     rolling = free_sideways(tracked)
     # The motor currents give the force that drives the robot; those of wheels that scrub mostly do not.
@@ -250,6 +249,12 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
         scene(rolling, terrain), states, noise, method, matching, not robot.chassis.scrubs, gap_s=gap_s
     )
     return Chosen(observer, notes_of(observer, log, robot, disturbance_g) + track_notes(robot, tracked))
+
+
+def filter_named(name: str) -> tuple[str, bool]:
+    """Method of that name, and True where it matches the noise; upper and lower case are the same."""
+    require_one_of("filter", name.lower(), FILTERS)
+    return FILTERS[name.lower()]
 
 
 def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
@@ -440,9 +445,7 @@ def default_observer(
     Raises:
         InputError: an unknown name.
     """
-    if filter.lower() not in FILTERS:
-        raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {filter!r}")
-    method, matching = FILTERS[filter.lower()]
+    method, matching = filter_named(filter)
     if not isinstance(robot, Robot):
         robot = load_robot(robot)
     if not isinstance(terrain, Terrain):
