@@ -322,6 +322,14 @@ def test_sources_can_be_read_and_explained(kernel):
         kernel.source("c")
 
 
+@pytest.mark.parametrize(("lowering", "runs"), [("python", "Python"), ("machine", "machine"), ("auto", "machine")])
+def test_an_explanation_names_what_runs(lowering, runs):
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering=lowering)
+    live = type(kernel.live(0.0)).__name__
+    assert (live == "MachineLive") == (runs == "machine")
+    assert ("Live samples and logs: Python" in kernel.explain()) == (runs == "Python")
+
+
 def scaled(x, factor):
     return x * factor
 

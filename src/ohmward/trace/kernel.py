@@ -145,16 +145,18 @@ class Kernel:
         raise InputError(f'source: lowering must be "python", "numpy" or "llvm", got {lowering!r}')
 
     def explain(self) -> str:
-        """Operations of the program, and the lowering of calls, logs and many logs."""
+        """Operations of the program, and the lowering of calls, live samples and logs."""
         kinds = ", ".join(f"{count} {name}" for name, count in self.program.operations.most_common())
-        reason = llvm_machine_code.reason_for_none()
-        long_logs = f"no machine code, {reason}" if reason else f"machine code, {self.machine.width} lanes wide"
-        return (
-            f"{self.program.name}: {len(self.program.nodes)} operations ({kinds}).\n"
-            "One call and one log (scan): straight-line Python source on floats.\n"
-            "Many logs (scan_lanes): NumPy source, one array operation per operation and block of lanes.\n"
-            f"Long logs: {long_logs}."
-        )
+        head = f"{self.program.name}: {len(self.program.nodes)} operations ({kinds}). Calls: Python source on floats."
+        in_python = "Python source; many at once: NumPy source, one array operation per operation and block of lanes."
+        if self.lowering == "python":
+            return f"{head}\nLive samples and logs: {in_python}"
+        if reason := llvm_machine_code.reason_for_none():
+            return f"{head}\nLive samples and logs: {in_python} No machine code: {reason}."
+        in_machine_code = f"machine code, {self.machine.width} lanes wide."
+        if self.lowering == "machine":
+            return f"{head}\nLive samples and logs: {in_machine_code}"
+        return f"{head}\nLive samples and long logs: {in_machine_code}\nShort logs: {in_python}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as the function and its examples; the other process traces again."""
