@@ -109,12 +109,14 @@ def number(node: ast.expr | None) -> bool:
 
 
 def constants(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """Name and value of each number at the head of a file."""
+    """Name and value of each number at the head of a file, in tuples too: `LOW, HIGH = 1.0, 2.0`."""
     for node in tree.body:
-        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
         value = getattr(node, "value", None)
-        if isinstance(targets[0], ast.Name) and number(value):
-            yield targets[0].id, ast.unparse(value)
+        several = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
+        for name, one in zip(target.elts, value.elts, strict=False) if several else [(target, value)]:
+            if isinstance(name, ast.Name) and number(one):
+                yield name.id, ast.unparse(one)
 
 
 def number_defaults(node: ast.AST) -> int:
