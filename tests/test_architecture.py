@@ -192,11 +192,6 @@ def test_the_package_itself_imports_nothing():
     assert {name for name in loaded if name.startswith("ohmward.")} == set()
 
 
-def test_importing_takes_no_time():
-    took = "import time; t = time.process_time(); import ohmward; print(time.process_time() - t)"
-    assert min(float(run(took)) for _ in range(3)) <= 0.3
-
-
 def test_every_public_name_is_found_and_typed():
     tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
     typed = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]

@@ -14,7 +14,7 @@ extern "C" {
 #define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump that the next voltage has to confirm */
 #define SOC_REST 32 /* current known: the zero-current update was made */
 #define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
-#define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired */
+#define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired; by a filter of the laboratory alone */
 #define SOC_DIVERGED 256 /* the voltage has contradicted the estimate for too long: SoC was declared unknown */
 #define SOC_RESTARTED 512 /* in Python: the state was no longer a number, a new one was started from this sample */
 #define SOC_ANCHORED 1024 /* a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC */

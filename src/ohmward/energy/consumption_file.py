@@ -21,7 +21,7 @@ from ohmward.toml_file import parse_file, parse_toml
 FORMAT = "ohmward-consumption/1"
 _HEADER = """\
 # What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
-# what is read back; these lines are for people, and written anew each time.
+# what is read back; these lines are for people, and are rewritten each time.
 """
 #: Names in older tables, and the current ones.
 _FORMER = {"regain": "regeneration", "regain_std": "regeneration_std", "own": "day_effect", "load": "day_effect"}

@@ -1,4 +1,4 @@
-"""The live shell of an estimator: its state, clock and compiled step; the same for charge, slip and terrain.
+"""The live shell of an estimator: its state, clock and compiled step; the same for every estimator.
 
 The estimator itself is a frozen dataclass with pure `init` and `step`. The shell keeps the state between samples.
 """

@@ -134,7 +134,7 @@ class Estimation:
     def forecast(self) -> Callable[[], RangeEstimate] | None:
         """Function that computes the range from the current state; None while there is nothing to compute.
 
-        It takes a tenth of a second and changes nothing, so that it can run in another thread; `take_forecast` takes
+        It takes long beside a sample and changes nothing, so that it can run in another thread; `take_forecast` takes
         its result.
         """
         if self.range is None or not math.isfinite(self.range.state.soc.soc):

@@ -40,8 +40,14 @@ def along(rims_m_s, speeds_m_s, std_m_s=math.nan):
 
 @pytest.mark.parametrize(
     ("said", "is_used"),
-    [({"speed_std_m_s": 9.0}, True), ({"speed_std_m_s": 300.0}, False), ({"speed_age_s": 15.0}, True)]
-    + [({"speed_age_s": 90.0}, False), ({"speed_std_m_s": -1.0}, True), ({"speed_std_m_s": 0.0}, True)],
+    [
+        ({"speed_std_m_s": 9.0}, True),
+        ({"speed_std_m_s": 300.0}, False),
+        ({"speed_std_m_s": -1.0}, True),
+        ({"speed_std_m_s": 0.0}, True),
+        ({"speed_age_s": 15.0}, True),
+        ({"speed_age_s": 90.0}, False),
+    ],
 )
 def test_a_speed_that_its_source_calls_too_uncertain_or_too_old_is_not_used(said, is_used):
     clean = sanitize(no_sample(RLMA)._replace(dt_s=STEP_S, speed_m_s=0.5, **said), 0.5)

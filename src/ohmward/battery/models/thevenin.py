@@ -336,7 +336,7 @@ def voltage(
 
 
 def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
-    """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc) h [V]."""
+    """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc, T) h [V]."""
     soc, *_, h = x
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
 

@@ -136,7 +136,7 @@ def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal)
     if isinstance(settings, TheveninFilter):
         return _tell_filter(settings, state, estimate, given)
     raise InputError(
-        f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf or ukf"
+        f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf, ukf or rc"
     )
 
 

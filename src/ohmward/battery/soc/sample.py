@@ -84,7 +84,7 @@ class SocFlag(SampleFlag):
     VOLTAGE_REJECTED = 16  # innovation outside its gate, or a jump that the next voltage has to confirm
     REST = 32  # current known: the zero-current update was made
     SOC_LIMITED = 64  # estimate projected into [0, 1]
-    NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
+    NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired; by a filter of the laboratory alone
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
     RESTARTED = 512  # in Python: the state was no longer a number, a new one was started from this sample
     ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC

@@ -1,1 +1,1 @@
-"""One sample of the sensors of a robot, for every estimator of its motion; sanitised in one place."""
+"""One sample of the sensors of a robot, for every estimator of its motion, and its limits and gaps."""

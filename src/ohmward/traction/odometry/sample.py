@@ -92,7 +92,7 @@ class OdometryFlag(SampleFlag):
     SPEED_REJECTED = 64  #: an external speed outside its gate; not used, the band was widened
     INCREMENT_REJECTED = 128  #: a pose increment outside its gate; not used, the band was widened
     INCREMENT_TOO_OLD = 256  #: a pose increment that began before the stored samples; not used
-    NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
+    NOT_POSITIVE_DEFINITE = 512  #: a variance was negative
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
     HEADING_REJECTED = 2048  #: a heading outside its gate, as near iron; not used
     WHEEL_SLIPS = 4096  #: a wheel, or one side's wheels, probably slip: the others give the speed

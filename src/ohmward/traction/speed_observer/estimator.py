@@ -43,7 +43,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
     (2,)
 
     Args:
-        robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino", "seeder". Or the
+        robot: a robot, the path of its file, or the name of a packaged one, see `PACKAGED`. Or the
             settings of an observer; `make_observer` finds them for a robot and a log, whose noise it measures.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         terrain: ground that is assumed at first, by name; its friction is estimated.
