@@ -8,11 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
+from ohmward.filters.belief import Belief
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.odometry.corrections import OVERRUN_S, Overrun, run_over
-from ohmward.traction.odometry.model import OdometryNoise
+from ohmward.traction.odometry.model import NAMES, SLIP, OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
@@ -28,7 +29,7 @@ from ohmward.traction.odometry.modes import (
     slip_modes,
     weigh,
 )
-from ohmward.traction.odometry.pose_filter import PoseFilter
+from ohmward.traction.odometry.pose_filter import PoseFilter, with_rims_alone
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import load_robot
@@ -235,6 +236,35 @@ def test_outside_speeds_take_back_the_way_that_wheels_spun(rate_hz):
         e, _ = run(samples(FILTER, **given))
         nees.append((e.x_m[-1] - np.sum(rolls) * DT_S) ** 2 / e.pose_cov[-1, 0, 0])
     assert np.sum(np.array(nees) > chi2.ppf(0.99, 1)) <= 1
+
+
+@pytest.mark.parametrize(
+    ("change_m_s", "slip_m_s", "std_m_s"),
+    [(0.0, -0.3, 0.0), (-0.2, -0.2, 0.1), (-0.5, -0.15, 0.15), (0.2, -0.4, 0.1)],
+)
+def test_rims_that_slip_may_change_alone_until_they_meet_the_robot(change_m_s, slip_m_s, std_m_s):
+    """A share of 0.3 that stays, or the speed: their mean, and half of their difference."""
+    before = Belief(np.array([-0.3 if name == "slip" else 0.0 for name in NAMES]) / 0.01, np.zeros((15, 15)))
+    after = with_rims_alone(before, -0.3, change_m_s, 0.01)
+    assert 0.01 * after.mean[SLIP] == pytest.approx(slip_m_s)
+    assert 0.01 * math.sqrt(after.cov[SLIP, SLIP]) == pytest.approx(std_m_s)
+
+
+def test_the_end_of_a_spin_is_seen_between_two_outside_speeds():
+    """Rims that spun by 0.5 m/s for three seconds come back to the robot, which never changed its speed."""
+    time_s, covered = DT_S * np.arange(1000), []
+    spins = 0.5 * np.clip(np.minimum(time_s - 5.0, 8.0 - time_s) / 0.1, 0.0, 1.0)
+    rolls = 0.9 * np.clip(time_s, 0.0, 1.0)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        heard = np.where(np.arange(1000) % 50 == 5 * seed, rolls + 0.05 * rng.standard_normal(1000), math.nan)
+        gyro = 0.002 * rng.standard_normal(1000)
+        given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": gyro, "speed_m_s": heard}
+        e, _ = run(samples(FILTER, **given))
+        after = (time_s > 8.0) & (time_s < 9.0)
+        off = (e.speed_m_s - rolls)[after] / np.sqrt(e.twist_cov[after, 0, 0])
+        covered.append(np.mean(np.abs(off) < 1.96))
+    assert np.mean(covered) > 0.9
 
 
 def test_an_outside_speed_that_fell_silent_takes_no_way_back():

@@ -13,7 +13,7 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters import extended
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.filters.gate import choose, widen
+from ohmward.filters.gate import choose, inflate, widen
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
@@ -67,6 +67,7 @@ from ohmward.traction.odometry.measured_motion import (
     walk_variance,
 )
 from ohmward.traction.odometry.model import (
+    GROSS_SLIP,
     NAMES,
     OFFSET,
     RADIUS,
@@ -176,6 +177,10 @@ class PoseFilter:
         motion = motion._replace(input=motion.input._replace(comparable=comparable))
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
+        alone = motion.by_driven & (abs(motion.input.slip_sigmas) > GROSS_SLIP)
+        rims_m_s = (motion.sensors.modes.forward_m_s - state.motion.modes.forward_m_s).mean()
+        slip_m_s = state.slip_std_m_s * before.mean[SLIP]
+        prior = choose(alone, with_rims_alone(prior, slip_m_s, rims_m_s, motion.input.motion_std[0]), prior)
         overrun_m = state.overrun.way_m
         prior = choose(begins, moved_back(forget(prior, SLIP, 1.0), overrun_m, motion.input), prior)
         overrun_m = where(begins, 0.0, overrun_m)
@@ -346,6 +351,24 @@ def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Beli
     share = minimum(maximum(before_m_s / maximum(now_m_s, LEAST_REJECTED_STD), most), 1.0)
     scale = np.array([share if i == SLIP else 1.0 for i in range(len(belief.mean))])
     return Belief(belief.mean * scale, belief.cov * np.outer(scale, scale))
+
+
+def with_rims_alone(belief: Belief, slip_m_s: Scalar, change_m_s: Scalar, std_m_s: Scalar) -> Belief:
+    """The belief where the rims of slipping wheels may have changed their speed without the robot.
+
+    Either the slip is the same share of the rims' speed, or the robot keeps its speed until the rims meet it. The
+    slip is half way between, and half of the difference adds to its standard deviation: the changes of several steps
+    have one cause.
+
+    slip_m_s: before the step.
+    change_m_s: of the rims.
+    std_m_s: speed of a slip of one standard deviation now.
+    """
+    left_m_s = slip_m_s - change_m_s
+    alone = where(left_m_s * slip_m_s > 0.0, left_m_s, 0.0) / maximum(std_m_s, LEAST_REJECTED_STD)
+    half = 0.5 * (alone - belief.mean[SLIP])
+    mean = np.array([x + half if i == SLIP else x for i, x in enumerate(belief.mean)])
+    return inflate(Belief(mean, belief.cov), SLIP, half * half + 2.0 * abs(half) * sqrt(belief.cov[SLIP, SLIP]))
 
 
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
