@@ -123,7 +123,7 @@ def test_samples_without_any_cell_are_survived():
 def test_a_sample_without_a_time_is_flagged():
     estimator = PackEstimator(battery())
     estimator.update(0.0, -1.0, [3.9] * 4)
-    assert "BAD_TIME" in str(estimator.update(None, -1.0, [3.9] * 4).flags)
+    assert "BAD_TIME" in str(estimator.update(math.nan, -1.0, [3.9] * 4).flags)
 
 
 def test_a_run_has_figures_and_a_table():
