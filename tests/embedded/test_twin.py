@@ -65,11 +65,12 @@ def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path)
     np.testing.assert_array_equal(found, columns.T.astype(np.float32))
 
 
-def test_the_start_is_that_of_the_program(tmp_path):
+@pytest.mark.parametrize("soc", [0.25, math.nan])
+def test_the_start_is_that_of_the_program(soc, tmp_path):
     export = battery_export(BATTERY, "ekf", "soc")
     copy = made(export, tmp_path)
-    copy.start(FIRST, soc=0.25, soc_std=0.5)
-    inputs = np.array([*FIRST, 0.25, 0.5], np.float32)
+    copy.start(FIRST, soc=soc, soc_std=0.5)
+    inputs = np.array([*FIRST, soc, 0.5], np.float32)
     expected = single_precision.evaluate(single_precision.expanded(export.start), inputs)
     np.testing.assert_array_equal(np.concatenate([np.ravel(x) for x in copy.state]).astype(np.float32), expected)
 

@@ -13,6 +13,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.given_soc import takes_given_soc
 from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, make_estimator, published, title_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
@@ -20,8 +21,9 @@ from ohmward.checks import require_one_of, require_positive
 from ohmward.embedded.c_library import VECTORS, Export, VoltageStartPrograms
 from ohmward.embedded.loops import EXAMPLE, textbook_loops
 from ohmward.errors import InputError
+from ohmward.filters.gate import choose
 from ohmward.lab import lab
-from ohmward.trace import trace
+from ohmward.trace import isfinite, trace
 
 #: The filter of the RC model's parameters, which does not estimate the state of charge.
 JOINT = "textbook-joint"
@@ -32,6 +34,9 @@ WITH_LOOPS = ("textbook-ekf", "textbook-ukf", JOINT)
 #: The filters that use the mean curve alone, which may then consist of straight lines.
 WITH_LINES = ("textbook-ekf", "textbook-ukf")
 
+#: State of charge at which a filter starts that takes none from the voltage.
+_HALF_CHARGED = 0.5
+
 Style = Literal["lines", "loops"]
 
 
@@ -39,7 +44,7 @@ def battery_export(
     battery: Battery,
     filter_name: str = "ekf",
     name: str = "battery",
-    soc: float = 0.5,
+    soc: float | None = None,
     soc_std: float = 0.3,
     sample_time_s: float | None = None,
     style: Style = "lines",
@@ -50,6 +55,7 @@ def battery_export(
     filter_name: as for `SocEstimator`; "default" is the one that it uses.
     name: prefix of the symbols and files.
     soc, soc_std: of the start in C, in its test and README; estimators whose start cannot be traced always start there.
+        None is an unknown one: nan where the start takes it from the first voltage, half charged elsewhere.
     sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
     style: "lines", a step without loops, the fastest; or "loops", the smallest, for the filters in WITH_LOOPS only.
     curve_error_V: largest error of the open-circuit voltage of a textbook filter, of the whole pack [V]: its curve
@@ -71,12 +77,14 @@ def battery_export(
         battery, error_V = _on_lines(battery, filter_name, curve_error_V)
         title += f", curve within {1e3 * error_V:.2g} mV"
     estimator: Any = make_estimator(filter_name, battery)
+    if soc is None:
+        soc = math.nan if takes_given_soc(estimator) else _HALF_CHARGED
     rest = SocSample(0.0, 0.0, usual_voltage(battery), ROOM_DEGC)
-    state = estimator.init(rest, soc, soc_std)
+    state = estimator.init(rest, _HALF_CHARGED if math.isnan(soc) else soc, soc_std)
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     traceable = hasattr(estimator, "start")
     arguments = (soc, soc_std) if traceable else ()
-    start = estimator.start if traceable else lambda sample: state
+    start = _started(estimator) if traceable else lambda sample: state
     return Export(
         name=name,
         title=title,
@@ -86,8 +94,31 @@ def battery_export(
         arguments=arguments,
         samples=vector_samples(battery),
         loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
+        start_note=_start_note(estimator) if traceable else "",
         voltage_start=_voltage_start(estimator) if hasattr(estimator, "voltage_start") else None,
     )
+
+
+def _started(estimator: Any) -> Callable[..., Any]:
+    """The start of an estimator, to be traced: from a given SoC, or where that is nan from the first voltage.
+
+    The textbook filters, made for the least memory, only start from a given one.
+    """
+    if not takes_given_soc(estimator):
+        return estimator.start  # type: ignore[no-any-return]
+
+    def start(first: SocSample, soc: Any, soc_std: Any) -> Any:
+        by_voltage = estimator.start_from(first, *estimator.voltage_start.on_coarse_grid(first))
+        return choose(isfinite(soc), estimator.start(first, soc, soc_std), by_voltage)
+
+    return start
+
+
+def _start_note(estimator: Any) -> str:
+    known = "`soc` and `soc_std` are the state of charge and its standard deviation"
+    if takes_given_soc(estimator):
+        return f"{known}; where `soc` is NAN, both come from the voltage of the sample."
+    return f"{known}, which the first steps correct."
 
 
 def _voltage_start(estimator: Any) -> VoltageStartPrograms:

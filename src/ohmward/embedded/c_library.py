@@ -78,6 +78,7 @@ class Export(NamedTuple):
     loops: Loops | None = None  #:   the step as loops; None for straight-line code
     #: start from the first voltage, for a Python file; None where it cannot be traced
     voltage_start: VoltageStartPrograms | None = None
+    start_note: str = ""  #:   meaning of the start's arguments, a sentence
 
 
 class Size(NamedTuple):
@@ -143,6 +144,7 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
         "FLASH_BYTES": f"{round(needed.flash, -2)}",
         "TIME": _TIME_OF_LOOPS if export.loops else _TIME_OF_LINES,
         "ARGUMENTS": "".join(f", {literal(a)}" for a in export.arguments),
+        "START": comments["start"],
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
         "SAMPLE": _table(structure.sample, "sample", comments),
         "OUTPUT": _table(structure.output, "output", comments),
@@ -184,7 +186,7 @@ def _comments(export: Export) -> dict[str, str]:
     found = {f"flags.{word}": text for word, text in flag_comments(export.flags).items()}
     for struct, structure in export.step.step_structure._asdict().items():
         found |= {f"{struct}.{member}": text for member, text in member_comments(structure).items()}
-    return found
+    return found | {"start": f" {export.start_note}" if export.start_note else ""}
 
 
 def _to_values(structure: Structure, struct: str) -> str:

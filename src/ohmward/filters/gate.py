@@ -133,9 +133,10 @@ def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
 
 
 def choose(condition: Scalar, a: Any, b: Any) -> Any:
-    """`a` where the scalar condition holds, else `b`, element by element through NamedTuples, arrays and numbers."""
+    """`a` where the scalar condition holds, else `b`, element by element through tuples, arrays and numbers."""
     if isinstance(a, tuple):
-        return type(a)(*(choose(condition, x, y) for x, y in zip(a, b, strict=True)))
+        chosen = (choose(condition, x, y) for x, y in zip(a, b, strict=True))
+        return tuple(chosen) if type(a) is tuple else type(a)(*chosen)
     return where(condition, a, b)
 
 

@@ -24,6 +24,14 @@ def hypotheses(voltage_V, u, model, noise, sensor, soc=None, soc_std=0.03, count
     return VoltageStart(model, noise, sensor, count=count).hypotheses(first, soc, soc_std)
 
 
+def moments_of(parts):
+    """Mean and standard deviation of a sum of parts."""
+    weight = np.array([part.weight for part in parts])
+    mean, std = np.array([(part.start.soc, part.start.std) for part in parts]).T
+    whole = np.average(mean, weights=weight)
+    return whole, math.sqrt(np.average(std**2 + (mean - whole) ** 2, weights=weight))
+
+
 def initial_soc(*arguments, **given):
     """Moments of the whole density."""
     (whole,) = hypotheses(*arguments, **given)
@@ -121,6 +129,26 @@ def test_the_claimed_sigma_holds():
     z = np.array([(start.soc - s) / start.std for start, s in zip(starts, truth, strict=True)])
     assert np.mean(np.abs(z) < 1.96) == pytest.approx(0.95, abs=0.03)
     assert np.mean(z**2) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("chemistry", ["lfp", "nmc", "lead-acid"])
+def test_the_coarse_grid_of_a_microcontroller_finds_the_same_density(chemistry, count):
+    battery = generic_battery(chemistry, 10.0)
+    start = VoltageStart(battery.thevenin, battery.noise, battery.sensor, count=count)
+    for soc in (0.05, 0.3, 0.6, 0.9, 1.0):
+        first = SocSample(0.0, -2.0, float(battery.thevenin.ocv.mean_V(soc, 25.0)), 25.0)
+        (mean, std), (coarse, coarse_std) = (
+            moments_of(parts) for parts in (start.hypotheses(first), start.on_coarse_grid(first))
+        )
+        assert coarse == pytest.approx(mean, abs=0.02)
+        assert coarse_std == pytest.approx(std, rel=0.1, abs=0.01)
+
+
+def test_a_microcontroller_knows_nothing_without_a_voltage():
+    start = VoltageStart(LFP, NOISE, SENSOR, count=3)
+    mean, std = moments_of(start.on_coarse_grid(SocSample(0.0, 0.0, math.nan, 25.0)))
+    assert (mean, std) == (pytest.approx(0.5), pytest.approx(1.0 / math.sqrt(12.0), rel=1e-3))
 
 
 def test_refuses():

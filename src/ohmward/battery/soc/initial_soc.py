@@ -5,13 +5,16 @@ posterior start the filter. A value that the voltage contradicts is overruled: t
 value is wrong". Without a value the prior is flat. This is a Bayesian update without linearisation, where it matters
 most: an OCV curve is flat in some places and steep in others.
 
-The expected voltage of one SoC can be traced; the density on the grid (`start_density`) is plain NumPy.
+The expected voltage of one SoC can be traced; the density on the grid (`start_density`) is plain NumPy. A coarse one
+for an unknown start can be traced too, for microcontrollers (`VoltageStart.on_coarse_grid`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -21,15 +24,23 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, 
 from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.start_density import (
+    BEYOND,
     GRID_STEP,
     WRONG_SHARE,
     ExpectedVoltage,
     Hypothesis,
+    InitialSoc,
     soc_grid,
     start_hypotheses,
 )
 from ohmward.checks import require_between, require_positive
-from ohmward.trace import exp, sqrt
+from ohmward.filters.sanitize import between
+from ohmward.trace import clip, exp, maximum, minimum, sqrt, where
+
+#: Cells of SoC of the start that can be traced; their number is divisible by that of the hypotheses of a sum.
+COARSE_CELLS = 15
+#: Density that is left to each of them, over the largest of a voltage with an error of 1 V.
+LEAST_DENSITY = 1e-6
 
 #: Standard deviation of the RC voltages before the first sample, as a share of those of a steady current of its size:
 #: the true share may be anything from 0 to 1.
@@ -61,6 +72,47 @@ class VoltageStart:
         grid = soc_grid(soc)
         expected = self.expected_voltage(grid, first)
         return start_hypotheses(grid, first.voltage_V, expected, soc, soc_std, self.count, wrong_share)
+
+    def on_coarse_grid(self, first: SocSample) -> tuple[Hypothesis, ...]:
+        """The density given the first voltage alone, in `count` parts of equal width; traceable.
+
+        As `hypotheses` without a value, with the centres of `COARSE_CELLS` cells in place of the grid.
+        """
+        grid = (np.arange(COARSE_CELLS) + 0.5) / COARSE_CELLS
+        (lowest_V, *_), (highest_V, *_) = (self.expected_voltage(end, first) for end in (0.0, 1.0))
+        expected = [self.expected_voltage(soc, first) for soc in grid.tolist()]
+        credible = between(first.voltage_V, (1 - BEYOND) * lowest_V, (1 + BEYOND) * highest_V)
+        excess_V = [clip(first.voltage_V, lowest_V, highest_V) - at.mean_V for at in expected]
+        errors = [where(credible, over / at.std_V, 0.0) for over, at in zip(excess_V, expected, strict=True)]
+        too_low = list(accumulate(errors[::-1], maximum, initial=0.0))[:0:-1]
+        too_high = list(accumulate((-error for error in errors), maximum, initial=0.0))[1:]
+        scaled = [0.5 * (low * low + high * high) for low, high in zip(too_low, too_high, strict=True)]
+        least = reduce(minimum, scaled)
+        likely = [
+            where(credible, exp(least - square) / at.std_V, 1.0) + LEAST_DENSITY
+            for square, at in zip(scaled, expected, strict=True)
+        ]
+        share = [where(credible, (at.model_error_std_V / at.std_V) ** 2, 0.0) for at in expected]
+        error_V = [part * over for part, over in zip(share, excess_V, strict=True)]
+        left_V = [at.model_error_std_V * sqrt(1.0 - part) for part, at in zip(share, expected, strict=True)]
+        columns = [np.split(np.array(column), self.count) for column in (grid, likely, error_V, left_V)]
+        return tuple(self._coarse_part(first, *cells) for cells in zip(*columns, strict=True))
+
+    def _coarse_part(
+        self, first: SocSample, grid: np.ndarray, likely: np.ndarray, error_V: np.ndarray, left_V: np.ndarray
+    ) -> Hypothesis:
+        """Mass and moments of neighbouring cells, joint with the error of the model."""
+        mass = likely.sum()
+        density = likely / mass
+        mean = density @ grid
+        apart = grid - mean
+        variance = density @ (apart * apart) + 1.0 / (12.0 * COARSE_CELLS**2)
+        unit_V = lasting_std_V(mean, first_input(first, self.current_limit_A), self.model, self.noise)
+        error = density @ error_V / unit_V
+        off = error_V / unit_V - error
+        error_variance = density @ ((left_V / unit_V) ** 2 + off * off)
+        start = InitialSoc(mean, sqrt(variance), error, sqrt(error_variance), density @ (apart * off))
+        return Hypothesis(mass, start)
 
     def expected_voltage(self, soc: Any, first: SocSample) -> ExpectedVoltage:
         """First voltage OCV + R_0 i expected at `soc`, and its errors; float, array or traced."""

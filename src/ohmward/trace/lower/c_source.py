@@ -98,7 +98,7 @@ def c_source(
 
     name:     prefix of all symbols: small letters, digits and underscores.
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
-    comments: meaning and unit of a member, by its path: "sample.current_A", "flags.GAP".
+    comments: meaning and unit of a member, by its path: "sample.current_A", "flags.GAP"; "start": of its arguments.
     constants: whole numbers that the header defines as NAME_WORD.
     loops:    the body of the step as loops; None for straight-line code.
 
@@ -108,7 +108,8 @@ def c_source(
     if not _WORD.fullmatch(name):
         raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
     structs = {word: members(structure) for word, structure in step.step_structure._asdict().items()}
-    started = [_start(start, step.step_structure, name, structs)] if start else []
+    note = (comments or {}).get("start", "")
+    started = [_start(start, step.step_structure, name, structs, note)] if start else []
     functions = [*started, _step(step, name, structs)]
     header = _header(name, structs, functions, comments or {}, constants or {})
     return CSource(header, _source_of_loops(name, started, loops) if loops else _source(name, functions))
@@ -147,7 +148,7 @@ def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> Func
     )
 
 
-def _start(program: Program, step: StepStructure, name: str, structs: dict[str, list[Member]]) -> Function:
+def _start(program: Program, step: StepStructure, name: str, structs: dict[str, list[Member]], note: str) -> Function:
     first, *further = program.argument_structure.children
     fits = first == step.sample and program.result_structure == step.state
     if not fits or not all(isinstance(child, Leaf) and not child.shape for child in further):
@@ -155,7 +156,7 @@ def _start(program: Program, step: StepStructure, name: str, structs: dict[str, 
     words = list(program.argument_structure.fields[1:])
     arguments = "".join(f", float {word}" for word in words)
     return Function(
-        "The state before the first sample, which is looked at; then give that sample to the step.",
+        f"The state before the first sample; then give that sample to the step.{note}",
         f"void {name}_start({name}_state *state, const {name}_sample *sample{arguments})",
         program,
         places("sample", structs["sample"]) + words,
@@ -198,7 +199,8 @@ def _header(
     for struct, parts in structs.items():
         lines += _typedef(name, struct, parts, comments)
     for function in functions:
-        lines += [f"/* {function.comment} */", f"{function.prototype};", ""]
+        lines += textwrap.wrap(f"/* {function.comment} */", _WIDTH, subsequent_indent="   ")
+        lines += [f"{function.prototype};", ""]
     return "\n".join([*lines, *_END_OF_C_LINKAGE, "", "#endif", ""])
 
 
