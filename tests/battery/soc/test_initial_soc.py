@@ -8,7 +8,7 @@ from ohmward.battery.chemistries import generic_battery, start_model, start_nois
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, usual_sensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.initial_soc import VoltageStart, first_voltage_std
+from ohmward.battery.soc.initial_soc import COARSE_CELLS, VoltageStart, first_voltage_std
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
@@ -141,8 +141,8 @@ def test_the_coarse_grid_of_a_microcontroller_finds_the_same_density(chemistry, 
         (mean, std), (coarse, coarse_std) = (
             moments_of(parts) for parts in (start.hypotheses(first), start.on_coarse_grid(first))
         )
-        assert coarse == pytest.approx(mean, abs=0.02)
-        assert coarse_std == pytest.approx(std, rel=0.1, abs=0.01)
+        assert coarse == pytest.approx(mean, abs=0.5 / COARSE_CELLS)
+        assert coarse_std == pytest.approx(std, rel=0.15, abs=0.01)
 
 
 def test_a_microcontroller_knows_nothing_without_a_voltage():
