@@ -33,6 +33,9 @@ OTHER_BATTERY = 0.2
 BEYOND_TESTS = 0.02
 #: A charger holds a battery above its open-circuit voltage, but not by this share for most of a log.
 ABOVE_FULL = 0.1
+#: A load pulls a battery below its open-circuit voltage. More than this share above that of a full battery are only the
+#: first minutes after a charge: this share of the samples under a load of this many capacities per hour, and fewest.
+_ABOVE_UNDER_LOAD, _AFTER_CHARGE, _LOAD_C, _FEWEST_LOADED = 0.05, 0.1, 0.05, 30
 #: Relative standard deviation of the resistance at a temperature of the log above which a warning is given.
 DOUBTFUL_RESISTANCE = 0.1
 
@@ -259,7 +262,21 @@ def _unexplained_V2(
 
 def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
     """Contradictions of the log itself with the battery file, a sentence each."""
-    return tuple(text for text in (other_cells(log, battery), unmeasured_charge(log, battery)) if text)
+    found = (other_cells(log, battery), full_under_load(log, battery), unmeasured_charge(log, battery))
+    return tuple(text for text in found if text)
+
+
+def full_under_load(log: Log, battery: Battery) -> str:
+    """Contradiction of the voltage under load with the curve of the battery file; "" for none."""
+    full_V = battery.thevenin.ocv.voltage_V[-1]
+    loaded_V = log.voltage_V[(log.current_A < -_LOAD_C * battery.capacity_Ah) & np.isfinite(log.voltage_V)]
+    above = loaded_V > (1.0 + _ABOVE_UNDER_LOAD) * full_V
+    if loaded_V.size < _FEWEST_LOADED or above.mean() < _AFTER_CHARGE:
+        return ""
+    return (
+        f"under load its voltage is up to {np.quantile(loaded_V, 0.99):.4g} V, above the {full_V:.4g} V of a full "
+        "battery at rest by the file: another chemistry, or another number of cells in series?"
+    )
 
 
 def with_contradictions(log: Log, battery: Battery) -> Log:

@@ -105,7 +105,7 @@ def _started(estimator: Any) -> Callable[..., Any]:
     The textbook filters, made for the least memory, only start from a given one.
     """
     if not takes_given_soc(estimator):
-        return estimator.start  # type: ignore[no-any-return]
+        return estimator.start
 
     def start(first: SocSample, soc: Any, soc_std: Any) -> Any:
         by_voltage = estimator.start_from(first, *estimator.voltage_start.on_coarse_grid(first))

@@ -9,9 +9,10 @@ import pytest
 
 from ohmward import SocEstimator, generic_battery, identify, make_robot_day
 from ohmward.battery.battery import Battery
+from ohmward.battery.log_check import full_under_load
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.battery.soc.fit_check import LARGEST, lasting_error, misfits
+from ohmward.battery.soc.fit_check import DO_NOT_TRUST, LARGEST, given_after_empty, lasting_error, misfits
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.logs.log import Log, Note
 
@@ -67,6 +68,31 @@ def test_an_impossible_offset_is_flagged_live(tested):
     ]
     assert flags[0] == 0
     assert flags[-1] & SocFlag.MISFIT
+
+
+LFP = LABELS["lfp"]
+
+
+@pytest.mark.parametrize(("current_A", "cell_V", "found"), [(-2.0, 3.9, True), (-2.0, 3.4, False), (2.0, 3.9, False)])
+def test_a_load_holds_no_battery_above_its_curve(current_A, cell_V, found):
+    log = Log("steady", np.arange(100.0), np.full(100, current_A), np.full(100, 4 * cell_V))
+    assert ("another chemistry" in full_under_load(log, LFP)) == found
+
+
+def test_the_charge_of_an_empty_battery_is_counted():
+    time_s = np.arange(0.0, 3600.0, 10.0)
+    log = Log("steady", time_s, np.full(360, -2.4), np.full(360, 12.8))
+    soc = np.where(time_s < 1800.0, 0.5, 0.0)
+    estimates = SocEstimate(*[soc] * len(SocEstimate._fields))
+    assert given_after_empty(LFP, log, estimates) == pytest.approx(0.1, rel=0.01)
+
+
+def test_a_run_says_that_its_battery_does_not_fit(tested):
+    log = _rest(tested, hours=1.0, current_A=0.0)
+    run = SocEstimator(generic_battery("nmc", 12.0, 8)).run(log)
+    assert "another number of cells" in str(run.notes[0])
+    assert run.explain().sentence.startswith(DO_NOT_TRUST)
+    assert SocEstimator(tested, 0.5).run(log).notes == ()
 
 
 def test_a_sensor_without_an_error_is_no_misfit(tested):

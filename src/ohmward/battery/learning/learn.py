@@ -63,7 +63,6 @@ from ohmward.battery.learning.voltage_model import VoltageModel, prior_of
 from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.fit_check import misfits
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
@@ -211,8 +210,8 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
     """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
     for part in parts:
         run = SocEstimator(battery, initial_soc if part is parts[0] else None).run(part)
-        if wrong := misfits(battery, part, run.settings, run.estimates):
-            return wrong[0].text
+        if run.notes:
+            return run.notes[0].text
     return ""
 
 

@@ -15,6 +15,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
+from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
@@ -22,7 +23,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
-from ohmward.logs.log import Log, LogSource, as_log
+from ohmward.logs.log import Log, LogSource, Note, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.snapshot import take
 
@@ -39,13 +40,16 @@ class SocRun(Run[SocEstimate]):
     end: Any
     history: ChargeHistory  #: time since the events that anchor SoC, also those before this log
     label: str = "estimate"  #: estimator and battery, for a legend
+    #: warnings that the battery does not fit the log, see `misfits`; () for an estimator made from settings
+    notes: tuple[Note, ...] = ()
 
     flag_type = SocFlag
 
     def explain(self) -> Explanation:
         """State of charge at the end of the log in one sentence, and the causes of its uncertainty."""
         last = SocEstimate(*(float(column[-1]) for column in self.estimates))
-        return explain(self.settings, self.kernel, self.end, last, self.history)
+        found = explain(self.settings, self.kernel, self.end, last, self.history)
+        return found._replace(sentence=f"{DO_NOT_TRUST} {found.sentence}") if self.notes else found
 
 
 class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
@@ -83,6 +87,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
         require_positive("initial_soc_std", initial_soc_std)
         super().__init__(estimator_of(battery, filter), lowering)
+        self.battery = battery if isinstance(battery, Battery) else None
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
         self.unix_s = unix_s
@@ -160,7 +165,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         estimates, seconds = self._scan_log(log, progress, () if learnt_along else LEARNT_FIELDS)
         history = self.memory.history(self.time_s)
         settings = on_day(self.settings, self.unix_s)
-        return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title)
+        notes = misfits(self.battery, log, self.settings, estimates) if self.battery else ()
+        return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title, notes)
 
     def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """Estimate after a state of charge from another source than the samples, such as the flag of a charger.

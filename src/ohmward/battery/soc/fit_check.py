@@ -28,6 +28,10 @@ from ohmward.runs import window_starts
 #: at most 1 for their means over some minutes, however long an error of the model lasts.
 MOST_EXCESS = 1.0
 LASTING_S = 600.0
+#: First words where the battery file does not fit.
+DO_NOT_TRUST = "The battery file does not fit this log, do not trust the estimate."
+#: A battery below this state of charge by the estimate gives no more than this share of its capacity.
+AFTER_EMPTY_SOC, MOST_AFTER_EMPTY = 0.02, 0.15
 #: Fewer innovations are too few for a mean.
 LEAST_INNOVATIONS = 100
 #: Larger innovations, in their standard deviations, count as this: the limit of the filters' gate.
@@ -41,7 +45,7 @@ def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstim
         as states are judged; the innovations of others are always larger than they expect.
     """
     found = list(contradictions(log, battery))
-    if is_judged(settings) and (needed := _needed(log.time_s, settings, estimates)):
+    if is_judged(settings) and (needed := _needed(battery, log, settings, estimates)):
         found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
 
@@ -51,7 +55,9 @@ def is_judged(settings: Estimator) -> TypeGuard[TheveninFilter | GaussianSumFilt
     return isinstance(settings, TheveninFilter | GaussianSumFilter)
 
 
-def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, estimates: SocEstimate) -> list[str]:
+def _needed(
+    battery: Battery, log: Log, settings: TheveninFilter | GaussianSumFilter, estimates: SocEstimate
+) -> list[str]:
     """Errors that it would take to explain the log with this file, but that sensor and battery cannot have."""
     sensor = settings.sensor
     offset_A, capacity = float(estimates.current_offset_A[-1]), float(estimates.soh_capacity[-1])
@@ -61,9 +67,19 @@ def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, es
         needed.append(f"an offset of the current sensor of {offset_A:.3g} A, {times:.1f} times its standard deviation")
     if implausible_capacity(capacity):
         needed.append(f"a capacity of {capacity:.2g} times the file's")
-    if (excess := lasting_error(time_s, estimates)) > MOST_EXCESS:
+    if (after_empty := given_after_empty(battery, log, estimates)) > MOST_AFTER_EMPTY:
+        needed.append(f"{after_empty:.0%} of its capacity given after it was empty")
+    if (excess := lasting_error(log.time_s, estimates)) > MOST_EXCESS:
         needed.append(f"errors of the voltage {excess:.1f} times as large as the file expects")
     return needed
+
+
+def given_after_empty(battery: Battery, log: Log, estimates: SocEstimate) -> float:
+    """Charge that the battery gave on balance where the estimate was empty, over the capacity of the file."""
+    charge_Ah = log.charge_Ah()
+    empty = estimates.soc < AFTER_EMPTY_SOC
+    moved_Ah = np.diff(charge_Ah, prepend=charge_Ah[0])[empty]
+    return -float(np.nansum(moved_Ah)) / battery.capacity_Ah
 
 
 def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:

@@ -34,7 +34,6 @@ from ohmward.battery.soc.start_density import (
     start_hypotheses,
 )
 from ohmward.checks import require_between, require_positive
-from ohmward.filters.sanitize import between
 from ohmward.trace import clip, exp, maximum, minimum, sqrt, where
 
 #: Cells of SoC of the start that can be traced; their number is divisible by that of the hypotheses of a sum.
@@ -81,7 +80,8 @@ class VoltageStart:
         grid = (np.arange(COARSE_CELLS) + 0.5) / COARSE_CELLS
         (lowest_V, *_), (highest_V, *_) = (self.expected_voltage(end, first) for end in (0.0, 1.0))
         expected = [self.expected_voltage(soc, first) for soc in grid.tolist()]
-        credible = between(first.voltage_V, (1 - BEYOND) * lowest_V, (1 + BEYOND) * highest_V)
+        above_empty = first.voltage_V > (1 - BEYOND) * lowest_V
+        credible = above_empty & (first.voltage_V < (1 + BEYOND) * highest_V)
         excess_V = [clip(first.voltage_V, lowest_V, highest_V) - at.mean_V for at in expected]
         errors = [where(credible, over / at.std_V, 0.0) for over, at in zip(excess_V, expected, strict=True)]
         too_low = list(accumulate(errors[::-1], maximum, initial=0.0))[:0:-1]

@@ -15,7 +15,7 @@ from ohmward.battery.cells.drift import expected_weakest
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.anchors import judged_anchors
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.battery.soc.fit_check import misfits
+from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.registry import chosen_name, title_of
 from ohmward.battery.soc.sample import LEARNT, LEARNT_FIELDS, STD_OF
 from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
@@ -138,7 +138,7 @@ def describe(f: Mapping[str, Any]) -> str:
 
 def headline(f: Mapping[str, Any]) -> str:
     """State of charge in a sentence, the pack's first if the log has its cells."""
-    caveat = "" if f["fits"] else "The battery file does not fit this log, do not trust the estimate. "
+    caveat = "" if f["fits"] else f"{DO_NOT_TRUST} "
     if cells := f["cells"]:
         pack = band(cells["soc"], cells["soc_std"])
         caveat += f"Pack {pack} %: {cells['weakest']} will be empty first. Typical cell: "
