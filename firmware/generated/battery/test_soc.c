@@ -2,6 +2,7 @@
 #include "soc.h"
 #include "soc_vectors.h"
 
+#include <math.h>
 #include <stdio.h>
 
 int main(void)

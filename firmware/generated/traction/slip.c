@@ -105,7 +105,7 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const bool acting = valid && (known && (!stopped));
     const bool condition = direction == direction2;
     /* choose (filters/gate.py): `a` where the scalar condition holds, else `b`, element by element through
-       NamedTuples, arrays and numbers */
+       tuples, arrays and numbers */
     const float memory_integral_m2 = condition ? memory_integral_m : 0.0f;
     /* surface (traction/control/slip_law.py): The surface of a slip ratio in (-1, 1) for these speeds of rim and
        travel */

@@ -49,7 +49,7 @@ typedef struct {
     float report_flags; /* sum of `ControlFlag` */
 } slip_output;
 
-/* The state before the first sample, which is looked at; then give that sample to the step. */
+/* The state before the first sample; then give that sample to the step. */
 void slip_start(slip_state *state, const slip_sample *sample);
 
 /* One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere. */

@@ -2,6 +2,7 @@
 #include "slip.h"
 #include "slip_vectors.h"
 
+#include <math.h>
 #include <stdio.h>
 
 int main(void)
