@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import math
 import time
+from typing import NamedTuple
 
 #: If a stamp leaps relative to its receipt by more than this, the source has restarted or its clock was set.
 LEAP_S = 1.0
 
-#: Window over which the smallest delay counts. Crystals drift by 200 ppm at most: 6 ms in that time; a clock that was
-#: set by less than `LEAP_S`, or a link that has become slower for good, is followed after this time.
+#: Window over which the smallest delay counts. Crystals drift by 200 ppm at most: 6 ms in that time; a link that has
+#: become slower for good is followed after this time.
 DELAY_WINDOW_S = 30.0
 
 #: A new clock is known once the smallest delay has fallen by less than `_FALL_S` in this time: messages that were
 #: queued before the connection, which come much faster than they were measured, are then through.
 SETTLE_S, _FALL_S = 0.25, 0.1
+
+#: A clock was set back by less than `LEAP_S` if after a stamp that went back at least this number of messages in a row,
+#: over this time, are as late: jitter of 50 ms that lets messages overtake each other hardly ever does that.
+_AS_LATE, _BACK_S = 5, 0.5
 
 #: Number of message dates remembered, enough for samples that still wait for others.
 _DATES = 4096
@@ -36,13 +41,27 @@ class SystemClock:
         return time.time()
 
 
+class _LateMessages(NamedTuple):
+    """Messages since a stamp went back."""
+
+    began_s: float  #: receipt of the first
+    above_s: float  #: halfway between its difference of receipt and stamp and that of the message before
+    least_s: float = math.inf  #: smallest difference
+    number: int = 0
+
+    def after(self, offset_s: float) -> _LateMessages:
+        """These and one more with this difference."""
+        return self._replace(least_s=min(self.least_s, offset_s), number=self.number + 1)
+
+
 class SourceClock:
     """Conversion of one source's time stamps to our monotonic clock.
 
     A message cannot arrive before it was measured, and the least delayed one is assumed to arrive at once, so that the
     offset between both clocks is the smallest recent difference of receipt and stamp. A stamp that leaps back or ahead
-    of its receipt restarts the search; one that is merely late, in a burst after a silence of the link, does not. The
-    first messages may be such a burst, of a sender that waited for the connection: see `settle`.
+    of its receipt restarts the search; one that is merely late, in a burst after a silence of the link, does not. A
+    stamp that goes back by less than `LEAP_S` may have been overtaken: the clock was set if those that follow are as
+    late. The first messages may be such a burst, of a sender that waited for the connection: see `settle`.
 
     Args:
         window_s: time over which the smallest difference counts; inf if both clocks are one, as in a simulation.
@@ -57,6 +76,8 @@ class SourceClock:
         self._least_s = self._least_before_s = math.inf
         self._window_s = self._stamp_s = math.nan
         self._began_s, self._fell_to_s, self._fell_s = math.nan, math.inf, math.nan
+        self._offset_s = math.nan
+        self._late: _LateMessages | None = None
 
     def to_ours(self, stamp_s: float, received_s: float) -> float:
         """Observe the newest measurement; its time on our clock [s], never after its receipt."""
@@ -77,10 +98,16 @@ class SourceClock:
             self._began_s = received_s
             self._least_s = self._least_before_s = self._fell_to_s = math.inf
             self._window_s = received_s
+            self._late = None
+        elif (set_back := self._set_back(stamp_s, received_s)) is not None:
+            self.steps += 1
+            self._least_s, self._least_before_s = set_back.least_s, math.inf
+            self._window_s = received_s
+            self._late = None
         elif received_s - self._window_s > self.window_s / 2:
             self._least_before_s, self._least_s = self._least_s, math.inf
             self._window_s = received_s
-        self._stamp_s = stamp_s
+        self._stamp_s, self._offset_s = stamp_s, offset_s
         self._least_s = min(self._least_s, offset_s)
         if offset_s < self._fell_to_s - _FALL_S:
             self._fell_to_s, self._fell_s = offset_s, received_s
@@ -93,6 +120,18 @@ class SourceClock:
         """True once the smallest delay no longer falls as in a burst: the offset may be used from then on."""
         self.settled = self.settled or now_s - self._fell_s >= SETTLE_S
         return self.settled
+
+    def _set_back(self, stamp_s: float, received_s: float) -> _LateMessages | None:
+        """The messages since a stamp went back, once enough of them are as late as the first; None otherwise."""
+        offset_s = received_s - stamp_s
+        if self._late is None and stamp_s < self._stamp_s and offset_s > self._offset_s:
+            self._late = _LateMessages(received_s, 0.5 * (self._offset_s + offset_s))
+        if self._late is None:
+            return None
+        late = self._late.after(offset_s)
+        self._late = late if late.least_s > late.above_s else None
+        is_set = late.number >= _AS_LATE and received_s - late.began_s >= _BACK_S
+        return self._late if is_set else None
 
     def _least(self) -> float:
         return min(self._least_s, self._least_before_s)

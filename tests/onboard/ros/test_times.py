@@ -65,11 +65,14 @@ def driver_state():
     return messages.RobotState(0.0, 0.0)
 
 
-def driven(monkeypatch, offsets=None, rate=1.0, clock=None, begin_s=BEGIN_S, joints_hz=50.0, ros_time=None):
+def driven(
+    monkeypatch, offsets=None, rate=1.0, clock=None, begin_s=BEGIN_S, joints_hz=50.0, ros_time=None, set_back_s=0.0
+):
     """Messages that go out, by topic, and the process, after a drive.
 
     offsets: of the stamps of a topic [s]; nan: it has none.  rate: seconds of the drive in a second; clock: /clock is
-    published, or that of a bag alone, False; None is the wall clock.
+    published, or that of a bag alone, False; None is the wall clock.  set_back_s: the clock of the joints is set back
+    by this in the middle of the drive.
     """
     offsets, standing = offsets or {}, StandingClock()
     monkeypatch.setattr("ohmward.onboard.sources.ros2.time.time", standing.unix_s)
@@ -88,6 +91,8 @@ def driven(monkeypatch, offsets=None, rate=1.0, clock=None, begin_s=BEGIN_S, joi
     for arrived_s, topic, seconds in sorted(events):
         standing.elapsed_s = arrived_s
         stamp_s = begin_s + seconds + offsets.get(topic, 0.0)
+        if topic == "joints" and seconds > 0.5 * SECONDS:
+            stamp_s -= set_back_s
         sent = payload(topic, stamp_s if math.isfinite(stamp_s) else math.nan, seconds)
         name = "/clock" if topic == "clock" else topic
         if message := source.message(TOPICS[topic], sent, standing.now_s(), name, ros_time):
@@ -153,6 +158,16 @@ def test_the_usual_run_is_the_drive(usual):
 )  # fmt: skip
 def test_topics_whose_clocks_differ_cost_nothing(monkeypatch, usual, offsets):
     check(driven(monkeypatch, offsets), usual, joint_offset_s=offsets.get("joints", 0.0))
+
+
+@pytest.mark.parametrize("set_back_s", [0.05, 0.2, 0.5, 0.9])
+def test_a_clock_that_is_set_back_costs_that_time_and_half_a_second(monkeypatch, usual, set_back_s):
+    sent, process = driven(monkeypatch, set_back_s=set_back_s)
+    sent_as_usual = usual[0][types.ODOMETRY]
+    assert distance_m(sent[types.ODOMETRY]) == pytest.approx(distance_m(sent_as_usual), rel=0.01)
+    assert len(sent[types.ODOMETRY]) >= len(sent_as_usual) - 50 * (0.5 + set_back_s) - 5
+    state = process.estimation.state
+    assert state.time_s - state.drive_time_s < 0.03
 
 
 @pytest.mark.parametrize("rate", [0.5, 0.9, 1.0, 3.0, 10.0])
