@@ -117,7 +117,7 @@ def test_a_run_with_other_options_begins_anew(label, as_json, monkeypatch):
 
 
 def test_a_run_with_another_log_beside_begins_anew(label, as_json, monkeypatch):
-    """Others with equal columns give the sign of a log that does not show it."""
+    """What is learnt from a log depends on the logs before it."""
     words = ("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o", "part.toml")
     with monkeypatch.context() as context:
         interrupt_after(1, context)

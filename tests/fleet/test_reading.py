@@ -1,4 +1,4 @@
-"""The sign of a current that a log itself does not tell: from others of equal columns, or from the battery file."""
+"""The sign of a current that a log itself does not tell: from the battery file."""
 
 from pathlib import Path
 
@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import ohmward as ow
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.log_check import sign_by_model
-from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.job import Job
+from ohmward.fleet.reading import read_log_of
 from ohmward.logs.log import ReadOptions, UnknownSignError
 
 BATTERY = ow.generic_battery("nmc", 10.0)
@@ -48,25 +50,21 @@ def test_a_rest_and_a_battery_that_does_not_fit_tell_nothing():
 def test_a_log_that_tells_nothing_has_the_sign_of_its_battery(tmp_path, sign):
     path = write(tmp_path, "ramp.csv", ramp(sign))
     with pytest.raises(UnknownSignError):
-        read_one_of(path, ReadOptions())
-    log = read_one_of(path, ReadOptions(), battery=BATTERY)
+        read_log_of(None, path, ReadOptions())
+    log = read_log_of(BATTERY, path, ReadOptions())
     np.testing.assert_array_equal(log.current_A, ramp().current_A)
     assert [str(note) for note in log.notes if "according to the battery file" in note.text]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_log_that_tells_nothing_has_the_sign_of_the_others_with_its_columns(tmp_path, sign):
-    paths = [write(tmp_path, f"{k}.csv", pulses(sign)) for k in range(2)]
+def test_the_sign_of_a_log_does_not_depend_on_the_logs_beside_it(tmp_path, sign):
+    """Logs with equal columns that show the other sign, as of a robot whose sensor is wired the other way."""
+    others = [write(tmp_path, f"{k}.csv", pulses(-sign)) for k in range(3)]
     path = write(tmp_path, "ramp.csv", ramp(sign))
-    assert read_one_of(path, ReadOptions(), [*paths, path]).current_A == pytest.approx(ramp().current_A)
-    paths.append(write(tmp_path, "other.csv", pulses(-sign)))
-    with pytest.raises(UnknownSignError):  # the others contradict each other
-        read_one_of(path, ReadOptions(), paths)
-
-
-def test_logs_with_other_columns_tell_nothing(tmp_path):
-    other = write(tmp_path, "other.csv", pulses())
-    text = Path(other).read_text().replace("current_A", "current_B_A")
-    Path(other).write_text(text)
-    with pytest.raises(UnknownSignError):
-        read_one_of(write(tmp_path, "ramp.csv", ramp()), ReadOptions(), [other])
+    job = Job(BATTERY_FILE.dump(BATTERY))
+    (alone,) = job.run([path])
+    assert alone["error"] is None
+    assert job.run([*others, path])[-1] == alone
+    unfit = Job(BATTERY_FILE.dump(ow.generic_battery("lfp", 10.0)))
+    assert "--current-sign" in unfit.run([path])[0]["error"]
+    assert unfit.run([*others, path])[-1] == unfit.run([path])[0]

@@ -21,7 +21,7 @@ from ohmward.battery.soc.score import SocReference, soc_reference
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
-from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.reading import read_log_of
 from ohmward.logs import FileHints, Log
 from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
@@ -161,11 +161,10 @@ def read_battery_log(
     report: Report | None = None,
     file: TableFile | None = None,
     battery: Battery | None = None,
-    others: Sequence[str] = (),
 ) -> Log:
-    """The log that an argument names, see `read_one_of`; report: called with the share that is read."""
+    """The log that an argument names, see `read_log_of`; report: called with the share that is read."""
     progress = counting(report, f"reading {split_selection(text)[0].name}")
-    return read_one_of(text, reading, others, battery, extra, progress, file)
+    return read_log_of(battery, text, reading, extra, progress, file)
 
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:

@@ -26,7 +26,7 @@ from ohmward.battery.soc.sample import STD_OF, Estimator, SocEstimate, SocFlag
 from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.reading import read_log_of
 from ohmward.fleet.run import digest_of
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
@@ -57,7 +57,7 @@ class Job:
         rows: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:
-                logs[path] = check_log(read_one_of(path, self.reading, paths, battery, ()), battery)
+                logs[path] = check_log(read_log_of(battery, path, self.reading, ()), battery)
             except OhmwardError as error:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
@@ -155,7 +155,7 @@ class RobotJob:
         read: list[tuple[str, Log]] = []
         for text in texts:
             try:
-                log = check_log(read_one_of(text, self.settings.reading, texts, battery), battery)
+                log = check_log(read_log_of(battery, text, self.settings.reading), battery)
                 read.append((text, log))
             except OhmwardError as error:
                 rows[text] = failed(text, str(error))

@@ -12,7 +12,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError
-from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.reading import read_log_of
 from ohmward.fleet.run import digest_of, read_rows, write_rows
 from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
@@ -23,21 +23,20 @@ Row = dict[str, Any]
 
 
 class LearningJob(NamedTuple):
-    """Inputs of the updates besides the logs."""
+    """Inputs of the updates."""
 
+    texts: Sequence[str]  #: logs, the oldest first: files, perhaps with a selection of their rows
     start: Battery  #: starting point for each battery that has no file yet
     reading: ReadOptions
     starts: Mapping[str, float]  #: initial state of charge by the log's name, that of "" holds for all others
-    others: Sequence[str] = ()  #: logs; those with equal columns give the sign of the current if a log does not show it
 
     @property
     def digest(self) -> str:
         """Digest of the job, different for every job with other results."""
-        return digest_of([BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts), list(self.others)])
+        return digest_of([list(self.texts), BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
 
 
 def learn_all(
-    texts: Sequence[str],
     job: LearningJob,
     files: BatteryFiles,
     journal: Journal,
@@ -45,14 +44,13 @@ def learn_all(
 ) -> list[Row]:
     """Learn from all logs and return their rows, those in the journal unchanged; updates the batteries in `files`.
 
-    texts: files, perhaps with a selection of their rows, the oldest first.
     report: called with the log and the fraction done.
     """
     done = {row["text"]: row for row in journal.rows}
     rows: list[Row] = []
-    for k, text in enumerate(texts):
+    for k, text in enumerate(job.texts):
         if report:
-            report(f"{k + 1} of {len(texts)}: {Path(text).name}", k / len(texts))
+            report(f"{k + 1} of {len(job.texts)}: {Path(text).name}", k / len(job.texts))
         if text in done:
             for key, battery in done[text]["batteries"].items():
                 files.restore(key, BATTERY_FILE.parse(battery))
@@ -105,7 +103,7 @@ def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tup
 
 def _learn(text: str, serial_number: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
     key = files.open(serial_number)
-    log = read_one_of(text, job.reading, job.others, files.after[key])
+    log = read_log_of(files.after[key], text, job.reading)
     start = job.starts.get(log.name, job.starts.get(""))
     learnt = learn(files.after[key], [log], initial_soc={} if start is None else {log.name: start})
     if learnt.battery is not files.after[key]:

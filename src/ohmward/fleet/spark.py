@@ -12,11 +12,10 @@ from ohmward.battery.log_check import sign_by_model
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
-from ohmward.fleet.reading import sign_in_data, some_of, unanimous
 from ohmward.logs.log import Log, UnknownSignError
 from ohmward.logs.table import counted
 from ohmward.optional import require
-from ohmward.signals.current_sign import CurrentSign
+from ohmward.signals.current_sign import CurrentSign, sign_evidence
 
 if TYPE_CHECKING:
     from pandas import DataFrame as PandasFrame
@@ -26,6 +25,9 @@ if TYPE_CHECKING:
 MEASURED = ("time_s", "current_A", "voltage_V", "temperature_degC")
 ESTIMATED = ("soc", "soc_std", "current_offset_A", "soh_capacity", "resistance_ratio")
 SCHEMA = f"robot string, time_s double, {', '.join(f'{name} double' for name in ESTIMATED)}, flags int"
+
+#: Most robots whose samples are examined for the sign of the current.
+_MOST_ROBOTS = 9
 
 
 def soc_stream(
@@ -60,7 +62,7 @@ def soc_stream(
 
 
 def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
-    """Effect of a positive current in the samples of a fleet, found as by `ohmward fleet` for logs with equal columns.
+    """Effect of a positive current in the samples of a fleet, from their own data or by the battery file.
 
     All robots whose own samples show a sign must agree; if none does, the voltages must show it by the battery file.
 
@@ -73,18 +75,19 @@ def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
         OhmwardError: pyspark is older than 4.0 or not installed.
     """
     samples = _measured(history, _functions(history), 1.0)
-    robots = some_of(sorted(row.robot for row in samples.select("robot").distinct().collect()))
+    robots = sorted(row.robot for row in samples.select("robot").distinct().collect())
+    robots = robots[:: max(len(robots) // _MOST_ROBOTS, 1)][:_MOST_ROBOTS]  # spread over all of them
     chosen = samples.where(samples.robot.isin(*robots)).groupBy("robot")
     votes = chosen.applyInPandas(lambda frame: _votes(battery, frame), "own string, by_model string").collect()
-    own = [vote.own for vote in votes]
-    sign = unanimous(own if any(own) else [vote.by_model for vote in votes])
-    if sign is None:
+    own = {vote.own for vote in votes} - {None}
+    signs = own or {vote.by_model for vote in votes} - {None}
+    if len(signs) != 1:
         raise UnknownSignError(
             f"the samples of {counted(len(votes), 'robot')} do not show whether a positive current charges or "
             "discharges the battery; say it with current_sign='charge' or current_sign='discharge'",
             "charge",
         )
-    return sign
+    return signs.pop()
 
 
 def _votes(battery: str, frame: PandasFrame) -> PandasFrame:
@@ -95,7 +98,9 @@ def _votes(battery: str, frame: PandasFrame) -> PandasFrame:
     own = by_model = None
     if len(frame):
         log = Log("samples", *(frame[name].to_numpy(float) for name in MEASURED[:3]))
-        own, by_model = sign_in_data(log), sign_by_model(log, BATTERY_FILE.parse(battery))
+        verdict = sign_evidence(log.time_s, log.current_A, log.voltage_V).verdict
+        own = None if verdict == "undecidable" else verdict
+        by_model = sign_by_model(log, BATTERY_FILE.parse(battery))
     return pandas.DataFrame({"own": [own], "by_model": [by_model]})
 
 

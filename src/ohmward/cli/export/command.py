@@ -169,7 +169,7 @@ def _rehearsed(
         for k, word in enumerate(words):
             if report:
                 report(word, k / len(words))
-            log = read_battery_log(word, reading, battery=battery, others=words)
+            log = read_battery_log(word, reading, battery=battery)
             truth = soc_reference(log, args.truth, battery.capacity_Ah, args.truth_start)
             yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
 

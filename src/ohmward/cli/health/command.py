@@ -69,7 +69,7 @@ def read_logs(
     texts = log_files(words)
     for text in texts:
         try:
-            logs.append(read_battery_log(text, reading, report=report, battery=battery, others=texts))
+            logs.append(read_battery_log(text, reading, report=report, battery=battery))
         except InputError as refusal:
             refusals.append(refusal)
     if not logs:

@@ -44,7 +44,7 @@ _MOST_RELAXATIONS = 6
 def run(args: argparse.Namespace) -> Outcome:
     """Identify the battery, write its file; the exit status is 1 if the model does not fit its tests."""
     check_output("--output", args.output, (".toml",), [str(split_selection(text)[0]) for text in args.logs])
-    logs = [read_battery_log(text, read_options(args), others=args.logs) for text in args.logs]
+    logs = [read_battery_log(text, read_options(args)) for text in args.logs]
     began = time.perf_counter()
     # a value without a name holds for all logs that are not named
     starts = {log.name: soc for name, soc in args.initial_soc if not name for log in logs}

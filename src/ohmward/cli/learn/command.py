@@ -37,11 +37,11 @@ def run(args: argparse.Namespace) -> Outcome:
     start, notes = load_with_sensor(args.battery, args)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])
-    job = LearningJob(start, read_options(args), dict(args.initial_soc), texts)
+    job = LearningJob(texts, start, read_options(args), dict(args.initial_soc))
     journal = Journal(None if args.dry_run else journal_path(args.output), job.digest)
     resumed, began = len(journal.rows), time.perf_counter()
     with progress() as report:
-        rows = learn_all(texts, job, files, journal, report)
+        rows = learn_all(job, files, journal, report)
     written = {} if args.dry_run else files.write()
     journal.finish()
     names = {row["log"] for row in rows}
