@@ -23,6 +23,9 @@ def two_columns(pulses, charge, discharge, sign=1.0):
         ("I_chg", "I_dsg"),
         ("charging_A", "discharging_A"),
         ("Ladestrom", "Entladestrom"),
+        ("current_in", "current_out"),
+        ("IN_A", "OUT_A"),
+        ("Amps In", "Amps Out"),
     ],
 )
 def test_the_current_is_the_charging_less_the_discharging(write_text, pulses, charge, discharge, sign):
@@ -47,10 +50,14 @@ def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
     assert any("current from 'current'" in note.text for note in read_log(write_text(wider)).notes)
 
 
-def test_a_current_in_and_one_out_are_not_one_of_them(write_text, pulses):
-    """Both may be of the battery, or of a converter beside it."""
-    with pytest.raises(InputError, match=r"both 'current_in' and 'current_out' .*call them charge_current"):
-        read_log(write_text(two_columns(pulses, "current_in", "current_out")))
+@pytest.mark.parametrize("quantity", ["current", "power"])
+def test_what_flows_in_and_out_at_once_is_not_of_a_battery(write_text, quantity):
+    """A converter beside it, of an efficiency of 0.9."""
+    rows = (f"{k},13.0,{2.0 + k % 7},{0.9 * (2.0 + k % 7)}" for k in range(100))
+    text = "\n".join([f"time_s,voltage_V,{quantity}_in,{quantity}_out", *rows])
+    match = f"'{quantity}_in' and '{quantity}_out' flow at once in 100% of the rows: .*a converter.*--column"
+    with pytest.raises(InputError, match=match):
+        read_log(write_text(text))
 
 
 @pytest.mark.parametrize(
@@ -78,8 +85,9 @@ def test_a_current_without_a_sign_has_that_of_the_state(write_text, pulses, name
 
 @pytest.mark.parametrize(
     ("charge", "discharge"),
-    [("charge_power_W", "discharge_power_W"), ("P_chg [W]", "P_dis [W]"), ("Ladeleistung", "Entladeleistung")],
-)
+    [("charge_power_W", "discharge_power_W"), ("P_chg [W]", "P_dis [W]"), ("Ladeleistung", "Entladeleistung"),
+     ("power_in", "power_out"), ("wattsIn", "wattsOut")],
+)  # fmt: skip
 def test_the_power_is_the_charging_less_the_discharging(write_text, pulses, charge, discharge):
     time_s, current_A, voltage_V = pulses
     watts = current_A * voltage_V

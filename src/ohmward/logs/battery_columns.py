@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.logs.channels import CURRENT, VOLTAGE, Channel, letters, word_set
 from ohmward.logs.columns import Column, find_column
 from ohmward.logs.read import open_table
@@ -135,8 +136,13 @@ def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if is_milli else "v"]
 
 
-_CHARGE = word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
-_DISCHARGE = word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
+_IN, _OUT = word_set("in input eingang"), word_set("out output ausgang")
+_CHARGE = _IN | word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
+_DISCHARGE = _OUT | word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
+#: What goes in and out may be the two sides of a converter, which flow at once: of a battery, both flow in fewer than
+#: this share of the samples, the smaller one at more than this share of the usual size.
+_MOST_AT_ONCE = 0.05
+_FLOWS = 0.05
 #: Words that are a current, or a power, by themselves.
 _CURRENTS, _POWERS = word_set("ladestrom entladestrom"), word_set("ladeleistung entladeleistung")
 _POWER = word_set("power p leistung watts")
@@ -146,7 +152,8 @@ _CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
 def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
     """The file with the charging minus the discharging current, or power, as a column, if it has both and no current.
 
-    The magnitude of each is used, whatever its sign: the column gives the direction.
+    The magnitude of each is used, whatever its sign: the column gives the direction. What flows in and out at once is
+    refused where the columns are read: it may go through a converter.
 
     columns: those that the caller named.
     """
@@ -163,9 +170,25 @@ def _difference(table: Table, quantity: str, names: Sequence[str], default: Unit
     """The size of the first column less that of the second, (T,) in SI; an empty cell is nothing that way."""
     units = [unit_in_name(name, (default.dimension,)) or default for name in names]
     sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in zip(units, names, strict=True)])
-    values = np.nan_to_num(sizes[0]) - np.nan_to_num(sizes[1])
+    charge, discharge = np.nan_to_num(sizes)
+    if any((_IN | _OUT) & set(letters(name)) for name in names):
+        _check_one_way(charge, discharge, quantity, names)
+    values = charge - discharge
     values[np.isnan(sizes).all(axis=0)] = np.nan
     return values, Note(f"{quantity}: {names[0]!r} less {names[1]!r}")
+
+
+def _check_one_way(charge: np.ndarray, discharge: np.ndarray, quantity: str, names: Sequence[str]) -> None:
+    """Raise InputError if what goes in and out (T,) flows at once, as through a converter."""
+    both = charge + discharge
+    usual = np.median(both[both > 0.0]) if both.any() else 0.0
+    at_once = np.mean(np.minimum(charge, discharge) > _FLOWS * usual)
+    if at_once > _MOST_AT_ONCE:
+        raise InputError(
+            f"{names[0]!r} and {names[1]!r} flow at once in {at_once:.0%} of the rows: the two sides of a converter, "
+            f"not charge and discharge of a battery; write a column with the battery's {quantity} and name it with "
+            "--column current=NAME"
+        )
 
 
 def with_power(
