@@ -181,14 +181,19 @@ def test_rows_of_savvycan_that_are_no_frames_are_left_out_and_counted(tmp_path):
     assert any("2 rows that are no frames: left out" in note.text for note in log.notes)
 
 
-def test_a_group_of_mdf_that_says_it_holds_more_than_the_file_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("after", "claim"),
+    [(0, (1 << 40).to_bytes(8, "little")), (20, (15 << 20).to_bytes(4, "little"))],
+    ids=["records", "bytes of a record that say what is invalid"],
+)
+def test_a_group_of_mdf_that_says_it_holds_more_than_the_file_is_refused(tmp_path, after, claim):
     pytest.importorskip("asammdf")
     from logs.formats.recorders import mdf
 
     path = mdf(tmp_path)
     content = path.read_bytes()
-    cycles = content.rindex(len(CURRENT_A[:300]).to_bytes(8, "little"))
-    path.write_bytes(content[:cycles] + (1 << 40).to_bytes(8, "little") + content[cycles + 8 :])
+    place = content.rindex(len(CURRENT_A[:300]).to_bytes(8, "little")) + after
+    path.write_bytes(content[:place] + claim + content[place + len(claim) :])
     with pytest.raises(InputError, match="the MDF file is damaged"):
         read_log(path)
 

@@ -70,18 +70,17 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
         parsing(path, "no readable MDF file", "export it again, as MDF 4 or CSV"),
         silenced(),
         _closing_what_is_half_read(),
-        asammdf.MDF(str(path)) as file,
     ):
-        _require_size(path, file)
-        is_4 = str(file.version).startswith("4")
-        of_bus = is_4 and any(group.channel_group.flags & _BUS_EVENT for group in file.groups)
+        with asammdf.MDF(str(path), process_bus_logging=False) as file:  # reads no samples yet
+            _require_size(path, file)
+            is_4 = str(file.version).startswith("4")
+            of_bus = is_4 and any(group.channel_group.flags & _BUS_EVENT for group in file.groups)
+            streams = {} if of_bus else _groups(file)
         if of_bus and hints.dbc is None:
             raise _without_database(path)
         if of_bus:
-            with file.extract_bus_logging({"CAN": [(hints.dbc, 0)]}) as signals:
+            with asammdf.MDF(str(path)) as file, file.extract_bus_logging({"CAN": [(hints.dbc, 0)]}) as signals:
                 streams = _groups(signals)
-        else:
-            streams = _groups(file)
     if not streams:
         raise InputError(f"{path.name}: no signal has samples{f' by {hints.dbc}' if of_bus else ''}; check the file")
     return Streams(path.name, streams, "groups of MDF", hints=hints).open()
@@ -110,11 +109,19 @@ _BUS_EVENT = 0x2
 
 
 def _require_size(path: Path, file: Any) -> None:
-    """Refuse a file whose groups claim to hold far more than it can."""
-    groups = [group.channel_group for group in file.groups]
-    largest = max((group.cycles_nr * max(group.samples_byte_nr, 1) for group in groups), default=0)
+    """Refuse a file whose groups claim to hold far more than it can, as records or as a number of each channel."""
+    sizes = [
+        group.channel_group.cycles_nr * max(_record_bytes(group), 8 * len(group.channels)) for group in file.groups
+    ]
+    largest = max(sizes, default=0)
     if largest > max(_UNPACKED_TIMES * path.stat().st_size, _UNPACKED_BYTES):
         raise InputError(f"{path.name}: the MDF file is damaged: a group says that it holds {largest:.1e} bytes")
+
+
+def _record_bytes(group: Any) -> int:
+    """Size of a record of a group in a file of MDF 3 or 4."""
+    of_record: int = group.channel_group.samples_byte_nr + getattr(group.channel_group, "invalidation_bytes_nr", 0)
+    return of_record
 
 
 def _groups(file: Any) -> dict[str, Stream]:
