@@ -198,6 +198,21 @@ def test_a_group_of_mdf_that_says_it_holds_more_than_the_file_is_refused(tmp_pat
         read_log(path)
 
 
+def test_a_channel_of_mdf_outside_its_record_is_refused(tmp_path):
+    """asammdf would read the memory beside it, and crash now and then."""
+    asammdf = pytest.importorskip("asammdf")
+    from logs.formats.recorders import mdf
+
+    path = mdf(tmp_path)
+    with asammdf.MDF(str(path)) as file:
+        place = file.groups[0].channels[-1].address + 92  # of the offset in the record, in a block of a channel
+    content = path.read_bytes()
+    assert content[place : place + 4] == (8).to_bytes(4, "little")
+    path.write_bytes(content[:place] + (20_000).to_bytes(4, "little") + content[place + 4 :])
+    with pytest.raises(InputError, match="damaged: 'PackCurrent' is outside its record"):
+        read_log(path)
+
+
 @pytest.mark.parametrize("magic", [b"MDF     ", b"UnFinMF "])
 def test_a_file_of_mdf_that_cannot_be_read_leaves_neither_noise_nor_a_copy(tmp_path, monkeypatch, magic):
     pytest.importorskip("asammdf")

@@ -72,7 +72,7 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
         _closing_what_is_half_read(),
     ):
         with asammdf.MDF(str(path), process_bus_logging=False) as file:  # reads no samples yet
-            _require_size(path, file)
+            _require_sound(path, file)
             is_4 = str(file.version).startswith("4")
             of_bus = is_4 and any(group.channel_group.flags & _BUS_EVENT for group in file.groups)
             streams = {} if of_bus else _groups(file)
@@ -108,20 +108,39 @@ def _closing_what_is_half_read() -> Iterator[None]:
 _BUS_EVENT = 0x2
 
 
-def _require_size(path: Path, file: Any) -> None:
-    """Refuse a file whose groups claim to hold far more than it can, as records or as a number of each channel."""
+def _require_sound(path: Path, file: Any) -> None:
+    """Refuse a file whose groups claim to hold far more than it can, or whose channels are outside their records.
+
+    Groups are counted as records, and as a number of eight bytes of each channel.
+    """
     sizes = [
         group.channel_group.cycles_nr * max(_record_bytes(group), 8 * len(group.channels)) for group in file.groups
     ]
     largest = max(sizes, default=0)
     if largest > max(_UNPACKED_TIMES * path.stat().st_size, _UNPACKED_BYTES):
         raise InputError(f"{path.name}: the MDF file is damaged: a group says that it holds {largest:.1e} bytes")
+    for group in file.groups:
+        for channel in group.channels:
+            if _end_in_record(channel) > _record_bytes(group):  # asammdf would read any memory, and crash
+                raise InputError(f"{path.name}: the MDF file is damaged: {channel.name!r} is outside its record")
 
 
 def _record_bytes(group: Any) -> int:
     """Size of a record of a group in a file of MDF 3 or 4."""
     of_record: int = group.channel_group.samples_byte_nr + getattr(group.channel_group, "invalidation_bytes_nr", 0)
     return of_record
+
+
+def _end_in_record(channel: Any) -> int:
+    """Number of the first byte of a record after a channel; 0 for a channel without bytes."""
+    if not channel.bit_count:
+        return 0
+    if hasattr(channel, "start_offset"):  # MDF 3
+        first, bit = channel.additional_byte_offset, channel.start_offset
+    else:
+        first, bit = channel.byte_offset, channel.bit_offset
+    end: int = first + (bit + channel.bit_count + 7) // 8
+    return end
 
 
 def _groups(file: Any) -> dict[str, Stream]:
