@@ -68,11 +68,25 @@ class Histogram:
         return float(np.searchsorted(np.cumsum(self.counts), share * self.counts.sum())) * 1e-5
 
 
+class ObservedSource:
+    """A source and the offset that the process finds between the sender's clock and its own, which are the same."""
+
+    def __init__(self, source):
+        self.source, self.name, self.offset_s = source, source.name, math.inf
+
+    async def run(self, put):
+        def observe(message):
+            self.offset_s = min(self.offset_s, message.received_s - message.stamp_s)
+            put(message)
+
+        await self.source.run(observe)
+
+
 @dataclass
 class Meter:
     """A sink that measures the age of every estimate of the drive."""
 
-    clock_of: object
+    source: ObservedSource
     name: str = "meter"
     interval_s: float = 0.0
 
@@ -82,7 +96,7 @@ class Meter:
             if state.drive_time_s == last_s or math.isnan(state.drive_time_s):
                 continue
             last_s = state.drive_time_s
-            self.latencies.add(time.monotonic() - (last_s - self.clock_of.offset_s))
+            self.latencies.add(time.monotonic() - (last_s - self.source.offset_s))
             if self.latencies.number % WHEELS_HZ == 0:
                 self.memory_MB.append(resident_MB())
                 used = resource.getrusage(resource.RUSAGE_SELF)
@@ -126,18 +140,6 @@ interval_s = 0.1
 """
 
 
-class Clock:
-    """The offset that the process has found between the sender's clock and its own, which are the same."""
-
-    def __init__(self, process):
-        self.process = process
-
-    @property
-    def offset_s(self) -> float:
-        clock = next(iter(self.process._arrivals._clocks.values()))  # of the one connection
-        return min(clock._least_s, clock._least_before_s)
-
-
 async def run_until_quiet(process: Process) -> None:
     """Run until no sample has come for a while."""
     running = asyncio.create_task(process.run())
@@ -157,7 +159,8 @@ def start(folder: str) -> Process:
 def estimate(folder: str) -> dict[str, object]:
     """Run the process until the sender ends; the figures of its meter."""
     process = start(folder)
-    meter = Meter(Clock(process))
+    process.sources = [ObservedSource(source) for source in process.sources]
+    meter = Meter(process.sources[0])
     process.add_sink(meter)
 
     asyncio.run(run_until_quiet(process))

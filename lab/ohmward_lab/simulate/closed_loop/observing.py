@@ -21,7 +21,7 @@ from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
-from ohmward_lab.simulate.closed_loop.sensing import Arrival, Sensing
+from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, Sensing
 from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
 from ohmward_lab.traction.momentum_observer import (
     AngleSample,
@@ -201,7 +201,7 @@ class Observation:
         self._force_N = np.full(robot.driven, math.nan)
         self._state: Any = None
 
-    def update(self, arrival: Arrival) -> SlipEstimate | None:
+    def update(self, arrival: ArrivedSample) -> SlipEstimate | None:
         """Estimate after a sample; None without an observer."""
         if self.observer is None:
             return None

@@ -111,7 +111,7 @@ class Sensing:
         )
 
 
-class Arrival(NamedTuple):
+class ArrivedSample(NamedTuple):
     """A sample that has arrived, the time at which it was taken [s], and the heading of a compass [rad]."""
 
     taken_s: float
@@ -156,7 +156,7 @@ class SensorSuite:
         n = self.robot.driven
         return truth.wheel_speed_rad_s[:n] + self.sensing.drive_speed_std_rad_s * self._rng.standard_normal(n)
 
-    def sample(self, truth: RobotTruth) -> list[Arrival]:
+    def sample(self, truth: RobotTruth) -> list[ArrivedSample]:
         """Sample what is due; return the samples that arrive now, in order, without those older than one already used.
 
         A motor's current is its mean since the last sample. `sampled` is True where a sample was taken.
@@ -174,7 +174,7 @@ class SensorSuite:
         arrivals = []
         for frame in sorted(frames, key=lambda f: f.time_s):
             if self._before is None or frame.time_s > self._before.time_s + _SAME_TIME_S:
-                arrivals.append(Arrival(frame.time_s, self._slip_sample(frame), frame.heading_rad))
+                arrivals.append(ArrivedSample(frame.time_s, self._slip_sample(frame), frame.heading_rad))
                 self._before = frame
         return arrivals
 

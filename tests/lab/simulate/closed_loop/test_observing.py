@@ -17,7 +17,7 @@ from ohmward_lab.simulate.closed_loop.observing import (
     make_observer,
     noise,
 )
-from ohmward_lab.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
+from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, ExternalSpeed, Sensing
 
 BASE = Patch(friction=0.5)
 
@@ -28,7 +28,7 @@ def sample(dt_s, wheel_speed_rad_s):
 
 def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():
     observation = Observation(make_observer(Observing("ekf"), Sensing(), RLMA, BASE), RLMA)
-    observation.update(Arrival(0.10, sample(0.0, 2.0)))
+    observation.update(ArrivedSample(0.10, sample(0.0, 2.0)))
     told = observation.measurement(np.array([2.0, 2.1]), np.zeros(2), 0.14)
     assert told.age_s == pytest.approx(0.04)
     assert told.wheel_speed_rad_s.tolist() == [2.0, 2.1]
@@ -38,7 +38,7 @@ def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():
 
 def test_without_an_observer_the_truth_is_told():
     observation = Observation(None, RLMA)
-    assert observation.update(Arrival(0.0, sample(0.0, 1.0))) is None
+    assert observation.update(ArrivedSample(0.0, sample(0.0, 1.0))) is None
     told = observation.measurement(np.ones(2), np.array([0.3, 0.4]), 5.0)
     assert told.travel_speed_m_s.tolist() == [0.3, 0.4]
     assert told.age_s == 0.0
