@@ -4,7 +4,7 @@ import math
 import pytest
 
 from ohmward.onboard import arrivals
-from ohmward.onboard.arrivals import LONGEST_WAIT_S, Arrivals
+from ohmward.onboard.arrivals import LONGEST_QUEUED_S, Arrivals
 from ohmward.onboard.clock import SETTLE_S
 from ohmward.onboard.message import Message
 
@@ -69,11 +69,11 @@ def test_a_queue_without_end_is_let_through():
     arriving = Arrivals()
     found = [arriving.put(Message(k, 0.1 * k, "source", {})) for k in range(200)]
     assert sum(map(len, found)) == 200
-    assert all(len(several) == 1 for several in found[round(LONGEST_WAIT_S / 0.1) + 2 :])
+    assert all(len(several) == 1 for several in found[round(LONGEST_QUEUED_S / 0.1) + 2 :])
 
 
 def test_most_messages_wait(monkeypatch):
-    monkeypatch.setattr(arrivals, "MOST_WAITING", 50)
+    monkeypatch.setattr(arrivals, "MOST_QUEUED", 50)
     arriving = Arrivals()
     assert [len(arriving.put(Message(k, 1e-4 * k, "source", {}))) for k in range(50)] == [0] * 49 + [50]
 
@@ -82,7 +82,7 @@ def test_two_senders_whose_clocks_differ_do_not_hold_each_other_up():
     arriving = Arrivals()
     found = [arriving.put(Message(0.1 * k - 50.0 * (k % 2), 0.1 * k, "source", {})) for k in range(200)]
     assert sum(map(len, found)) == 200
-    assert all(len(several) == 1 for several in found[round(LONGEST_WAIT_S / 0.1) + 2 :])
+    assert all(len(several) == 1 for several in found[round(LONGEST_QUEUED_S / 0.1) + 2 :])
 
 
 def test_a_source_that_invents_publishers_shares_a_clock_for_them(monkeypatch):

@@ -195,7 +195,7 @@ def test_states_that_a_full_disk_refuses_go_back_to_the_feed(tmp_path, monkeypat
 
 
 def test_a_disk_that_was_full_for_a_while_leaves_every_row_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.onboard.store.delivery.FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr("ohmward.onboard.store.delivery.FIRST_WAIT_S", 0.01)
     add = Store.add
     refused: list[tuple] = []
 

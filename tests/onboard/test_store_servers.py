@@ -155,7 +155,7 @@ def test_while_the_server_is_away_rows_wait_and_the_trouble_is_named(tmp_path):
 
 
 def test_a_disk_that_is_full_for_a_while_loses_no_row(tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.onboard.store.delivery.FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr("ohmward.onboard.store.delivery.FIRST_WAIT_S", 0.01)
     put = Spool.put
     refused: list[Sequence[Row]] = []
     taken: list[Row] = []

@@ -228,7 +228,7 @@ def test_memory_stays_flat_over_a_long_log():
 
 @pytest.mark.parametrize("block", [1, 4, 4096])
 def test_every_lane_is_its_own_scan(kernel, monkeypatch, block):
-    monkeypatch.setattr(lanes, "BLOCK", block)
+    monkeypatch.setattr(lanes, "BLOCK_LANES", block)
     state, outputs = kernel.scan_lanes(START, Sample(INFLOW, DT))
     assert [o.shape for o in outputs] == [(STEPS, LANES), (STEPS, 2, 2, LANES), (STEPS, LANES), (STEPS, LANES)]
     for lane in range(LANES):
@@ -262,7 +262,7 @@ def test_inputs_are_not_modified(kernel):
 
 
 def test_lanes_report_progress(kernel, monkeypatch):
-    monkeypatch.setattr(lanes, "BLOCK", 4)
+    monkeypatch.setattr(lanes, "BLOCK_LANES", 4)
     reports = []
     kernel.scan_lanes(START, Sample(INFLOW, DT), progress=lambda done, total: reports.append((done, total)))
     assert reports == [(STEPS, 2 * STEPS), (2 * STEPS, 2 * STEPS)]

@@ -121,12 +121,12 @@ SITUATIONS = (
 
 
 CHEMISTRIES = tuple(BATTERIES)
-DURATION_S = 8 * 3600.0
+SHIFT_S = 8 * 3600.0
 #: Range of the state of charge at which a shift begins.
 _START_SOC = (0.8, 1.0)
-_DRIVE_S, _IDLE_S, _CHARGE_S = 3 * 3600.0, 900.0, 4500.0
+_DRIVING_S, _IDLING_S, _CHARGING_S = 3 * 3600.0, 900.0, 4500.0
 #: Currents of the idle robot and of the charger, as multiples of 1 C.
-_IDLE_C, _CHARGE_C = 0.06, 0.5
+_IDLE_C, _RECHARGE_C = 0.06, 0.5
 #: Capacity for which the currents of the robot's drives are defined [Ah].
 _MISSION_AH = BATTERIES["lfp"].circuit.capacity_Ah
 #: Range of the sensors: current as a multiple of 1 C, voltage over the battery's largest.
@@ -165,7 +165,7 @@ def _bench_sensors(battery: SimulatedBattery) -> BatterySensors:
 def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> Shifts:
     """Shifts of a battery in this state, one for each run."""
     battery = in_state(BATTERIES[chemistry], truth)
-    time_s = np.arange(0.0, DURATION_S, truth.step_s)
+    time_s = np.arange(0.0, SHIFT_S, truth.step_s)
     rngs = [generator("shift", chemistry, seed, run) for run in range(runs)]
     demand_A = np.stack([_load_A(rng, BATTERIES[chemistry], time_s) for rng in rngs], axis=1)
     starts = [rng.uniform(*_START_SOC) for rng in rngs]
@@ -196,13 +196,13 @@ def _load_A(rng: np.random.Generator, battery: SimulatedBattery, time_s: np.ndar
     """Demanded current (T,) [A] of a shift; the charger keeps to the battery's limits."""
     capacity_A = battery.circuit.capacity_Ah
     robot = MissionRobot()
-    grid_s = np.arange(0.0, DURATION_S + 1.0)
+    grid_s = np.arange(0.0, SHIFT_S + 1.0)
     current_A = np.full(grid_s.size, -_IDLE_C * capacity_A)
-    charge_s = _DRIVE_S + _IDLE_S
-    for begin_s in (0.0, charge_s + _CHARGE_S):
-        driven = drive(rng, robot, _DRIVE_S).current_A * capacity_A / _MISSION_AH
+    charge_s = _DRIVING_S + _IDLING_S
+    for begin_s in (0.0, charge_s + _CHARGING_S):
+        driven = drive(rng, robot, _DRIVING_S).current_A * capacity_A / _MISSION_AH
         current_A[int(begin_s) : int(begin_s) + driven.size] = driven
-    current_A[int(charge_s) : int(charge_s + _CHARGE_S)] = _CHARGE_C * capacity_A
+    current_A[int(charge_s) : int(charge_s + _CHARGING_S)] = _RECHARGE_C * capacity_A
     return np.interp(time_s, grid_s, current_A)
 
 
@@ -288,7 +288,7 @@ FOUND = 0.05
 #: voltage then moves by no more than the probability that an estimator reserves for a wrong start.
 _START_STD, _RIGHT_START_STD = 0.03, 1e-4
 #: Samples of all lanes that are processed at once: some hundred megabytes with all intermediate values.
-_MOST_SAMPLES = 1 << 20
+_BATCH_SAMPLES = 1 << 20
 
 
 class SocFigures(NamedTuple):
@@ -319,7 +319,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
     assumed = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
     start_std = _RIGHT_START_STD if condition.start_error == 0.0 else _START_STD
     length = len(truth)
-    width = max(1, _MOST_SAMPLES // length)
+    width = max(1, _BATCH_SAMPLES // length)
     soc, std, spent_s = np.empty_like(truth), np.empty_like(truth), 0.0
     for first in range(0, runs, width):
         lanes = slice(first, min(first + width, runs))

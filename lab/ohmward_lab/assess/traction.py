@@ -152,7 +152,7 @@ SAMPLE_S = 0.0025
 #: Steps that are held in memory at once, before thinning.
 _STEPS_AT_ONCE = 12_000
 #: Time between two instants of the truth [s].
-INTERVAL_S = 0.02
+TRUTH_INTERVAL_S = 0.02
 
 ROBOTS = {
     "rlma": PACKAGED["rlma"],
@@ -190,7 +190,7 @@ class Road(NamedTuple):
 
 
 class Drives(NamedTuple):
-    """Truth of many drives, every `INTERVAL_S`: motion of the body (T, B), of the wheels (T, wheels or driven, B)."""
+    """Truth of many drives, every `TRUTH_INTERVAL_S`: of the body (T, B), of the wheels (T, wheels or driven, B)."""
 
     speed_m_s: Any
     lateral_speed_m_s: Any
@@ -220,7 +220,7 @@ def drives(name: str, world: World, runs: int, seed: int) -> Drives:
     example = Road(zero, np.zeros((len(robot.places), len(terrains))), 0.0, 0.0)
     kernel = Kernel(partial(drive_step, robot=robot, terrains=terrains), start, example)
     state, parts = side_by_side([start] * runs), []
-    every = round(INTERVAL_S / SAMPLE_S)
+    every = round(TRUTH_INTERVAL_S / SAMPLE_S)
     for first in range(0, len(road.grade_rad), _STEPS_AT_ONCE):
         here = slice(first, first + _STEPS_AT_ONCE)
         part = Road(road.reference_rad_s[here], road.shares[here], road.grade_rad[here], SAMPLE_S)
@@ -323,7 +323,7 @@ _GLITCH_RAD_S = 20.0
 def measured(name: str, condition: DriveCondition, runs: int, seed: int) -> tuple[RobotSample, Drives]:
     """Samples (T, ..., B) as the sensors of this condition give them, and the truth at their times."""
     robot = ROBOTS[name]
-    every = round(condition.interval_s / INTERVAL_S)
+    every = round(condition.interval_s / TRUTH_INTERVAL_S)
     truth = Drives(*(values[::every] for values in drives(name, condition.world, runs, seed)))
     rng = generator("sensors", name, condition.name, seed)
     sign = signs(runs)

@@ -26,7 +26,7 @@ _STOP_SHARE = 0.3
 _CHARGE_SHARE = 0.15
 _LARGEST_CHARGE_RATE = 0.4
 #: [P] 2.1: length of a pulse and of the rest after it [s].
-_PULSE_S, _REST_S = 1800.0, 3600.0
+_TEST_PULSE_S, _TEST_REST_S = 1800.0, 3600.0
 #: [P] 4: largest error of its current sensor [A], 0.8 % of 25 A, and its range [A].
 CAS_ERROR_A, _CAS_RANGE_A = 0.2, 85.0
 #: Time [s] in which a joystick's command becomes a current.
@@ -93,13 +93,14 @@ def resistor_pulses(battery: SimulatedBattery, load_ohm: float, pulses: int) -> 
     1 %, is left out.
     """
     ocv, soc = battery.circuit.ocv, 1.0
-    time_s, current_A = [0.0, _PULSE_S / 3], [0.0, 0.0]
+    time_s, current_A = [0.0, _TEST_PULSE_S / 3], [0.0, 0.0]
     for _ in range(pulses):
         begin = time_s[-1] + EDGE_S
         first_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
-        soc -= first_A * _PULSE_S / 3600.0 / battery.circuit.capacity_Ah
+        soc -= first_A * _TEST_PULSE_S / 3600.0 / battery.circuit.capacity_Ah
         last_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
-        time_s += [begin, begin + _PULSE_S, begin + _PULSE_S + EDGE_S, begin + _PULSE_S + EDGE_S + _REST_S]
+        end = begin + _TEST_PULSE_S
+        time_s += [begin, end, end + EDGE_S, end + EDGE_S + _TEST_REST_S]
         current_A += [-first_A, -last_A, 0.0, 0.0]
     return Profile(np.array(time_s), np.array(current_A), np.full(len(time_s), ROOM_DEGC))
 

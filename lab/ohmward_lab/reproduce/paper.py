@@ -72,7 +72,7 @@ _LINE_SOC = (0.1, 0.9)
 #: slow drive, on which a battery polarises little.
 ROBOT_A, SLOW_A = 4.8, 1.0
 #: [P] reports RC + KF after its first 500 s.
-SETTLED_S = 500.0
+REPORTED_FROM_S = 500.0
 #: Samples after edges that are drawn; a drive has a hundred thousand.
 _MOST_RISES = 3000
 
@@ -202,14 +202,14 @@ def voltage_error_V(chemistry: str, name: str, after: bool = False) -> float:
 
 CHEMISTRIES = ("lead-acid", "lfp")
 #: [P] reads its time constant from the first 500 ms after an edge: a log of 100 Hz has fifty samples there.
-_FAST_S = 0.01
+_FAST_INTERVAL_S = 0.01
 #: State of charge of the fast pulse.
 _FAST_SOC = 0.8
 #: The rule of [P] 2.2: shares of R_total that R_b = R_s and R_t have.
 _SHARES = (0.75, 0.625)
 _TWO = "[P] shows pictures, in which one time constant misses the rest's beginning and two do not"
 #: A shorter rest [s] follows a pulse, which does not charge the slow pair.
-_LONG_REST_S = 600.0
+_LONGEST_PULSE_REST_S = 600.0
 _FAST_WHY = (
     "the rule is a choice of shares, so that they come out exactly. The mean circuit of this battery has no relaxation "
     "as fast as 500 ms, so the time constant there is that of the start of a slower one"
@@ -257,9 +257,9 @@ def fast_pulse(here: PaperCase) -> Log:
     """A discharge of 1 C for ten seconds, recorded at 100 Hz by the sensors on the bench."""
     battery = here.recording.battery
     profile = steps([(60.0, 0.0), (10.0, -battery.circuit.capacity_Ah), (60.0, 0.0)])
-    times = np.arange(0.0, profile.time_s[-1], _FAST_S)
+    times = np.arange(0.0, profile.time_s[-1], _FAST_INTERVAL_S)
     rng = np.random.default_rng(0)
-    simulation = simulate(battery, profile, times, resting_state(battery, _FAST_SOC), max_step_s=_FAST_S)
+    simulation = simulate(battery, profile, times, resting_state(battery, _FAST_SOC), max_step_s=_FAST_INTERVAL_S)
     return record(battery, "pulse at 100 Hz", simulation, on_the_bench(low_cost_sensors(rng)), rng)
 
 
@@ -322,7 +322,7 @@ def fit() -> Result:
 def first_circuit(here: PaperCase) -> Thevenin:
     """The circuit from edges and relaxations, with one value for all states of charge ([P] 2.3, first stage)."""
     after = here.battery.thevenin
-    rests = [rest for rest in rests_of(here) if rest.time_s[-1] > _LONG_REST_S and rest.before_A != 0.0]
+    rests = [rest for rest in rests_of(here) if rest.time_s[-1] > _LONGEST_PULSE_REST_S and rest.before_A != 0.0]
     tau_s = tuple(float(t) for t in np.median([r.double.tau_s for r in rests], axis=0))
     pair_ohm = np.median([np.abs(r.double.amplitude_V) / abs(r.before_A) for r in rests], axis=0)
     r0 = float(np.median([e.resistance_ohm for log in here.found.logs for e in log.edges]))
@@ -445,10 +445,10 @@ def discharge(chemistry: str) -> Result:
 def _rc_rows(chemistry: str) -> list[ResultRow]:
     """RC + KF from the OCV at 100 %: its first 500 s, and the rest."""
     names = "RC + KF", "RC + KF, corrected", "default"
-    first = [soc_errors(chemistry, name, against="counted", to_s=SETTLED_S) for name in names]
-    late = [soc_errors(chemistry, name, against="counted", from_s=SETTLED_S) for name in names]
+    first = [soc_errors(chemistry, name, against="counted", to_s=REPORTED_FROM_S) for name in names]
+    late = [soc_errors(chemistry, name, against="counted", from_s=REPORTED_FROM_S) for name in names]
     what = f"{NAMES[chemistry]}, RC + KF"
-    then = f"{what} after {SETTLED_S:g} s, against the count"
+    then = f"{what} after {REPORTED_FROM_S:g} s, against the count"
 
     def row(quantity: str, printed: float | None, found: list[float], why: str = "") -> ResultRow:
         as_printed, corrected, default = found
@@ -456,7 +456,7 @@ def _rc_rows(chemistry: str) -> list[ResultRow]:
 
     return [
         row(
-            f"{what} in the first {SETTLED_S:g} s: largest",
+            f"{what} in the first {REPORTED_FROM_S:g} s: largest",
             _PRINTED_FIRST[chemistry],
             [e.largest for e in first],
             _RC[chemistry],
@@ -472,8 +472,8 @@ def _slow_rows(chemistry: str) -> list[ResultRow]:
     for p0, name in (("I", "RC + KF"), ("100 I", "RC + KF, P0 = 100 I")):
         what = f"{NAMES[chemistry]} at {SLOW_A:g} A, RC + KF from {RC_START:.0%}, P0 = {p0}, against the truth"
         at = partial(soc_errors, chemistry, name, RC_START, against="truth", mean_A=SLOW_A)
-        then, later = at(from_s=SETTLED_S, to_s=SETTLED_S + 1.0).mean, at(from_s=SETTLED_S).mean
-        rows.append(ResultRow(f"{what}: after {SETTLED_S:g} s", "%", None, then, why=_SLOW))
+        then, later = at(from_s=REPORTED_FROM_S, to_s=REPORTED_FROM_S + 1.0).mean, at(from_s=REPORTED_FROM_S).mean
+        rows.append(ResultRow(f"{what}: after {REPORTED_FROM_S:g} s", "%", None, then, why=_SLOW))
         rows.append(ResultRow(f"{what}: MAE from then on", "%", None, later))
     return rows
 

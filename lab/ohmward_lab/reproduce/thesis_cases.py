@@ -19,11 +19,11 @@ from ohmward_lab.simulate.closed_loop.run import figures, true_slip
 
 #: The faster of [T]'s wheel speeds, the slip of both cases, and the friction of ice, the lowest of table 4.1; and for
 #: how long (case I) and how far (case II) the slip is held.
-_SPEED_M_S, _SLIP, _FRICTION = 0.2, -0.18, 0.1
+_FAST_WHEEL_M_S, _SLIP, _ICE_FRICTION = 0.2, -0.18, 0.1
 _PRINTED_S, _PRINTED_M = 6.0, 1.5
 #: Speed [m/s] below which the robot has stopped.
 _STOPPED_M_S = 0.005
-_STEP_S = 1e-3
+_EULER_STEP_S = 1e-3
 
 _STOPS = (
     "a slip below zero brakes. [T] prints no friction of its slippery floor; even on ice, the lowest of its table 4.1, "
@@ -51,17 +51,17 @@ class Stop(NamedTuple):
 @cache
 def stop_on_ice() -> Stop:
     """Both driven wheels hold -0.18 on ice, from 0.2 m/s; Euler steps of 1 ms."""
-    law, rolling = CoulombCreep(_FRICTION, SLIP_STIFFNESS_S_PER_M), RollingResistance()
+    law, rolling = CoulombCreep(_ICE_FRICTION, SLIP_STIFFNESS_S_PER_M), RollingResistance()
     weight_N = RLMA.mass_kg * GRAVITY
     driven_N = weight_N * float(RLMA.loads[: RLMA.driven, 0].sum())
-    v, way_m, steps = _SPEED_M_S, 0.0, 0
+    v, way_m, steps = _FAST_WHEEL_M_S, 0.0, 0
     while v > _STOPPED_M_S:
         rim_m_s = v * (1 + _SLIP)
         force_N = float(law.force_N(Contact(rim_m_s - v, rim_m_s, v, driven_N)) + rolling.force_N(v, weight_N))
-        way_m += v * _STEP_S
-        v += force_N / RLMA.mass_kg * _STEP_S
+        way_m += v * _EULER_STEP_S
+        v += force_N / RLMA.mass_kg * _EULER_STEP_S
         steps += 1
-    return Stop(steps * _STEP_S, way_m)
+    return Stop(steps * _EULER_STEP_S, way_m)
 
 
 def case_1() -> Result:

@@ -20,7 +20,7 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_each_positive, require_positive
 
 #: 2 R T / F at 25 degC [V]: overpotential of one electrode reaction per unit of arcsinh(i / 2 i_0), symmetry 1/2.
-TRANSFER_V = 0.0514
+REACTION_V = 0.0514
 _SOC = np.linspace(0.0, 1.0, 201)
 _SOC_COARSE = np.linspace(0.0, 1.0, 21)
 
@@ -89,7 +89,7 @@ def lfp_12V8() -> SimulatedBattery:
         chemistry="lfp",
         n_series=4,
         circuit=cell.in_series(4),
-        transfer_V=4 * TRANSFER_V,
+        transfer_V=4 * REACTION_V,
         exchange_A=24.0,
         full_width=0.0,
         voltage_min_V=4 * cell.ocv.voltage_V[0],
@@ -129,7 +129,7 @@ def lead_acid_12V() -> SimulatedBattery:
         chemistry="lead-acid",
         n_series=6,
         circuit=cell.in_series(6),
-        transfer_V=6 * TRANSFER_V,
+        transfer_V=6 * REACTION_V,
         exchange_A=12.0,
         full_width=0.03,
         voltage_min_V=6 * cell.ocv.voltage_V[0],
@@ -163,7 +163,7 @@ def nca_18650() -> SimulatedBattery:
         chemistry="nca",
         n_series=1,
         circuit=circuit,
-        transfer_V=TRANSFER_V,
+        transfer_V=REACTION_V,
         exchange_A=5.8,
         full_width=0.0,
         voltage_min_V=circuit.ocv.voltage_V[0],

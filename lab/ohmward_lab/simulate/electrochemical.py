@@ -190,9 +190,9 @@ _OPEN_S = 60.0
 #: Step [s] of a discharge at low rate: 0.04 % of the capacity.
 _CAPACITY_STEP_S = 30.0
 #: A discharge runs on by this share of the label until the cell is empty; sets hold up to 1.8 of it (Ramadass2004).
-_STRETCH, _MOST_STRETCHES = 0.4, 10
+_RUN_ON, _MOST_STRETCHES = 0.4, 10
 #: The capacity is nearly linear in the lost shares: a few steps reach this tolerance, the resolution of a counted one.
-_SECANT_STEPS, _CAPACITY_TOLERANCE = 5, 1e-3
+_SECANT_STEPS, _SECANT_TOLERANCE = 5, 1e-3
 
 
 class CellTruth(NamedTuple):
@@ -270,7 +270,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
         OhmwardError: the cell holds more than four times its label.
     """
     rate_A = _COUNTED_RATE * cell.nominal_Ah
-    count = round(_STRETCH / _COUNTED_RATE * _HOUR_S / _CAPACITY_STEP_S)
+    count = round(_RUN_ON / _COUNTED_RATE * _HOUR_S / _CAPACITY_STEP_S)
     step, rest = cell.compiled
     inputs = np.repeat([[_CAPACITY_STEP_S], [rate_A], [ROOM_DEGC + KELVIN]], count, axis=1)
     state, current_A = rest(ROOM_DEGC + KELVIN), np.zeros(0)
@@ -280,7 +280,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
         if (limited := current_A < 0.999 * rate_A).any():
             return float(np.sum(current_A[: np.argmax(limited)]) * _CAPACITY_STEP_S / _HOUR_S)
     raise OhmwardError(
-        f"{cell.parameter_set} is not empty after {_STRETCH * _MOST_STRETCHES:g} times its {cell.nominal_Ah:g} Ah: "
+        f"{cell.parameter_set} is not empty after {_RUN_ON * _MOST_STRETCHES:g} times its {cell.nominal_Ah:g} Ah: "
         "set voltage_min_V where it is"
     )
 
@@ -303,7 +303,7 @@ def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: flo
     for _ in range(_SECANT_STEPS):
         older = replace(cell, lost_material=lost[-1], lost_lithium=lost[-1], resistance_ratio=resistance_ratio)
         excess.append(capacity_Ah(older) / new_Ah - capacity_ratio)
-        if abs(excess[-1]) < _CAPACITY_TOLERANCE:
+        if abs(excess[-1]) < _SECANT_TOLERANCE:
             return older
         lost.append(lost[-1] - excess[-1] * (lost[-1] - lost[-2]) / (excess[-1] - excess[-2]))
     return replace(cell, lost_material=lost[-1], lost_lithium=lost[-1], resistance_ratio=resistance_ratio)
@@ -316,7 +316,7 @@ RECORDS = {
     "day": "eight hours of drives, pauses and rests from full, two charges in between",
 }
 #: Interval [s] of a low-rate test's logger and of a robot's.
-_SLOW_S, _ROBOT_S = 10.0, 1.0
+_LOGGER_S, _ROBOT_S = 10.0, 1.0
 #: Resolution [V] of a usual converter, for one cell.
 FINE_V = 0.001
 #: A test has reached the cut-off where a cell is this close to it [V].
@@ -353,7 +353,7 @@ def _load(record: str, rate_Ah: float, degC: float, rng: np.random.Generator) ->
         return profile, bench_times(profile)
     if record == "low-rate-test":
         profile = low_rate_profile(rate_Ah, degC)
-        return profile, np.arange(0.0, profile.time_s[-1], _SLOW_S)
+        return profile, np.arange(0.0, profile.time_s[-1], _LOGGER_S)
     profile, _ = first_discharged(working_day(rng, rate_Ah, DayPlan(degC)), rate_Ah, 0.0)
     return profile, np.arange(0.0, profile.time_s[-1], _ROBOT_S)
 

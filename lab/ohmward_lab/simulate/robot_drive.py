@@ -27,7 +27,7 @@ distance_m = 1500.0
 terrain = "floor"
 speed_m_s = 0.8
 """
-_ROLLING = 0.02
+_HARD_FLOOR = 0.02
 _DRY, _WET = 0.8, 0.1
 
 
@@ -48,7 +48,10 @@ def robot_drive(chemistry: str = "lfp", start_soc: float = 0.4, seed: int = 1, p
         robot="rlma",
         plant=plant,
         battery=Pack(chemistry, start_soc),
-        ground=(Patch(friction=_DRY, rolling=_ROLLING), Patch(friction=_WET, rolling=_ROLLING, from_m=4.0, to_m=6.5)),
+        ground=(
+            Patch(friction=_DRY, rolling=_HARD_FLOOR),
+            Patch(friction=_WET, rolling=_HARD_FLOOR, from_m=4.0, to_m=6.5),
+        ),
         grade=Grade((7.0, 8.0, 13.0, 14.0), (0.0, 0.06, 0.06, 0.0)),
         sensors=Sensing(
             interval_s=0.02, encoders="all", pitch=True, speed=ExternalSpeed(interval_s=0.1, std_m_s=0.03, delay_s=0.05)

@@ -41,7 +41,7 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
 #: Points of the resistances along SoC, and distance from SoC 0 and 1 within which they are held: 1 / j_0 may diverge.
-_RESISTANCE_POINTS, _ENDS = 21, 0.01
+_RESISTANCE_POINTS, _END_DISTANCE = 21, 0.01
 #: Half step of a stoichiometry for the slope of a potential.
 _DX = 1e-3
 #: Relative difference of electrode and nominal capacity beyond which a file contradicts itself.
@@ -142,7 +142,7 @@ def _thevenin(
 ) -> Thevenin:
     """The circuit of one cell."""
     fine, coarse = np.linspace(0.0, 1.0, OCV_POINTS), np.linspace(0.0, 1.0, _RESISTANCE_POINTS)
-    inside = np.clip(coarse, _ENDS, 1.0 - _ENDS)
+    inside = np.clip(coarse, _END_DISTANCE, 1.0 - _END_DISTANCE)
     both = (negative, positive)
     ocv_V = positive.potential_V(positive.stoichiometry(fine)) - negative.potential_V(negative.stoichiometry(fine))
     entropy = [e.entropy_V_per_K(e.stoichiometry(fine)) for e in both]
@@ -175,7 +175,7 @@ def _thevenin(
 def _diffusion_ohm(e: _Electrode, soc: np.ndarray) -> tuple[float, ...]:
     """(M,) resistance of the diffusion in an electrode's particles, with the slope averaged over a twentieth of SoC."""
     near = np.linspace(-0.025, 0.025, 11)
-    x = e.stoichiometry(np.clip(soc[:, None] + near, _ENDS, 1.0 - _ENDS))
+    x = e.stoichiometry(np.clip(soc[:, None] + near, _END_DISTANCE, 1.0 - _END_DISTANCE))
     slopes = np.abs(e.potential_V(x + _DX) - e.potential_V(x - _DX)) / (2.0 * _DX)
     return tuple((slopes.mean(axis=1) * e.lag_s / e.charge_As).tolist())
 

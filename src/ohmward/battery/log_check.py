@@ -51,11 +51,11 @@ _TIMES_WORSE, _WRONG_V = 2.0, 0.003
 #: A log is explained in windows: their longest length [s] and largest number; the largest charge that the offset of the
 #: current sensor moves in one, over the capacity; multiples of that offset, and capacities over the file's, that are
 #: tried.
-_WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
-_OFFSET_SHARE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
+_LONGEST_WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
+_OFFSET_CHARGE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
 #: Rows of a window and samples in one, fewest rows, starting SoCs that are tried, and share of the rows that are free
 #: of spikes.
-_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
+_WINDOW_ROWS, _ROW_SAMPLES, _FEWEST_WINDOW_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
 #: Resistances r times the file's weigh as much as an error of the cell voltage of r times this [V]: without a prior a
 #: steady current would explain any number of cells.
 _PER_RATIO_V = 0.003
@@ -189,13 +189,13 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     credible &= np.asarray(is_voltage(voltage_V, empty_V, full_V))
     credible &= log.voltage_V < full_V  # a charger holds its voltage above that, whatever the charge
     known = np.flatnonzero(credible)
-    if known.size < _FEWEST_ROWS:
+    if known.size < _FEWEST_WINDOW_ROWS:
         return
     time_s = log.time_s[known]
     after_gaps = 1 + np.flatnonzero(np.diff(time_s) > CURRENT_GAP_S)
-    starts = window_starts(time_s, _WINDOW_S, time_s[0])
+    starts = window_starts(time_s, _LONGEST_WINDOW_S, time_s[0])
     edges = np.unique(np.concatenate([starts, after_gaps, [known.size]]))
-    long = np.flatnonzero(np.diff(edges) >= _FEWEST_ROWS)
+    long = np.flatnonzero(np.diff(edges) >= _FEWEST_WINDOW_ROWS)
     chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]
     for k in chosen:
         at = known[edges[k] : edges[k + 1]]
@@ -206,21 +206,21 @@ def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     """Means over the parts of a window; None where they are too few or no charge flows in it."""
     mean_A = 0.5 * (window.current_A + np.concatenate([window.current_A[:1], window.current_A[:-1]]))
     counted_Ah = np.cumsum(mean_A * np.diff(window.time_s, prepend=window.time_s[0])) / SECONDS_PER_HOUR
-    some = slice(None, None, max(len(window) // (_ROWS * _ROW_SAMPLES), 1))
+    some = slice(None, None, max(len(window) // (_WINDOW_ROWS * _ROW_SAMPLES), 1))
     time_s, current_A, voltage_V = window.time_s[some], window.current_A[some], _without_spikes(window.voltage_V[some])
     duration_s = float(time_s[-1] - time_s[0])
     if duration_s <= 0.0:
         return None
-    part = np.minimum((_ROWS * (time_s - time_s[0]) / duration_s).astype(int), _ROWS - 1)
-    count = np.bincount(part, minlength=_ROWS)
-    if np.count_nonzero(count) < _FEWEST_ROWS:
+    part = np.minimum((_WINDOW_ROWS * (time_s - time_s[0]) / duration_s).astype(int), _WINDOW_ROWS - 1)
+    count = np.bincount(part, minlength=_WINDOW_ROWS)
+    if np.count_nonzero(count) < _FEWEST_WINDOW_ROWS:
         return None
 
     def means(values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.bincount(part, weights=values, minlength=_ROWS)[count > 0] / count[count > 0])
+        return np.asarray(np.bincount(part, weights=values, minlength=_WINDOW_ROWS)[count > 0] / count[count > 0])
 
     hours = means(time_s - time_s[0]) / SECONDS_PER_HOUR
-    most_A = min(battery.sensor.offset_std_A, _OFFSET_SHARE * battery.capacity_Ah * SECONDS_PER_HOUR / duration_s)
+    most_A = min(battery.sensor.offset_std_A, _OFFSET_CHARGE * battery.capacity_Ah * SECONDS_PER_HOUR / duration_s)
     offsets_A = most_A * np.array(_OFFSETS)
     current = means(current_A)
     slow, decays = current.copy(), np.exp(-np.diff(hours) * SECONDS_PER_HOUR / _SLOW_S)

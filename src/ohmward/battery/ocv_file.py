@@ -16,7 +16,7 @@ from ohmward.optional import require
 #: Points of the uniform SoC grid of the curve.
 GRID = np.linspace(0.0, 1.0, 201)
 #: SoC beyond 0 or 1 by less is put down to counting errors in the table.
-_SOC_TOLERANCE = 0.005
+_COUNTING_ERROR = 0.005
 #: A voltage that falls with rising SoC by less than this share of itself is noise of the measurement and is levelled.
 _FALL_SHARE = 0.0015
 #: Smallest span of SoC in a table.
@@ -111,7 +111,7 @@ def _covers(curve: OcvCurve, cells: int, usual_V: float) -> bool:
 def _order(table: OcvTable) -> np.ndarray:
     """(K,) indices that put the rows in order of SoC."""
     soc = table.soc
-    outside = np.flatnonzero((soc < -_SOC_TOLERANCE) | (soc > 1 + _SOC_TOLERANCE))
+    outside = np.flatnonzero((soc < -_COUNTING_ERROR) | (soc > 1 + _COUNTING_ERROR))
     if outside.size:
         raise InputError(
             f"{table.source}: SoC must be between 0 and 1 (or 0 and 100 %), got {soc[outside[0]]:.4g}; it is the share "

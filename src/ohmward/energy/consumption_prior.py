@@ -27,7 +27,7 @@ RESISTANCE = {
 #: Rolling resistance over load of any other ground.
 ANY_RESISTANCE = 0.05
 #: Relative standard deviation of these numbers.
-RESISTANCE_STD = 0.6
+GROUND_RESISTANCE_STD = 0.6
 #: Growth of the resistance with speed over load [s/m]: A3 of [T] 4.5.
 SPEED_RESISTANCE_S_PER_M = 0.02
 #: Efficiency of motor controllers.
@@ -141,7 +141,7 @@ def _prior(
         idle_W=idle_W or ANY_IDLE_W,
         idle_std_W=0.3 * idle_W if idle_W else ANY_IDLE_W,
         force_N=force_N,
-        force_std_N=RESISTANCE_STD * force_N,
+        force_std_N=GROUND_RESISTANCE_STD * force_N,
         speed_N_s_per_m=drag,
         speed_std_N_s_per_m=drag,
         climb=1.0 / efficiency,

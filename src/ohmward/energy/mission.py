@@ -106,7 +106,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
 #: State of charge that must be left where neither settings nor plan give it.
 DEFAULT_RESERVE = RangeSettings.reserve_soc
 #: Limits of the advised speed, relative to the present one.
-_SLOWER, _FASTER = 0.5, 1.5
+_SLOWEST_ADVISED, _FASTEST_ADVISED = 0.5, 1.5
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvic
     for name in sorted({s.terrain for s in ahead if s.distance_m > 0}):
         there = [s for s in ahead if s.terrain == name]
         speed_m_s = sum(s.speed_distance_m2_s for s in there) / sum(s.distance_m for s in there)
-        advice[name] = speed_advice(c, name, speed_m_s, (_SLOWER * speed_m_s, _FASTER * speed_m_s))
+        advice[name] = speed_advice(c, name, speed_m_s, (_SLOWEST_ADVISED * speed_m_s, _FASTEST_ADVISED * speed_m_s))
     return advice
 
 

@@ -77,7 +77,7 @@ def range_left(
 
 
 #: Number of places along a plan at which the energy is evaluated, and of parts of the ground beyond its end.
-_LOOKED_AT, _PARTS = 65, 8
+_LOOKED_AT, _GROUND_PARTS = 65, 8
 
 
 def range_along(
@@ -131,8 +131,8 @@ def planned_way(
     if reached < len(plan):
         return list(plan[: reached + 1])
     of_then = energy_demand(c, then).mean_J
-    share = max((most_J - float(mean_J[-1])) / max(of_then, _LEAST_J), 1.0) / _PARTS
-    return [*plan, *(part_of(stretch, share) for _ in range(_PARTS) for stretch in then)]
+    share = max((most_J - float(mean_J[-1])) / max(of_then, _LEAST_J), 1.0) / _GROUND_PARTS
+    return [*plan, *(part_of(stretch, share) for _ in range(_GROUND_PARTS) for stretch in then)]
 
 
 def places(needed: np.ndarray, usable: np.ndarray) -> np.ndarray:

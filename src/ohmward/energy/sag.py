@@ -16,9 +16,9 @@ from ohmward.battery.chemistries import Normal
 from ohmward.logs.log import Log
 
 #: Time constant of the means [s], and of forgetting [s].
-_FAST_S, _REMEMBERED_S = 10.0, 1800.0
+_MEAN_S, _REMEMBERED_S = 10.0, 1800.0
 #: Correlation time of the residuals [s].
-_CORRELATION_S = 2.0 * _FAST_S
+_CORRELATION_S = 2.0 * _MEAN_S
 #: Longest gap [s] over which the means continue; after a longer one they restart.
 _INTERRUPTED_S = 10.0
 #: Length [s] of the end of a log that is used: older samples would have a weight below 5 %.
@@ -46,7 +46,7 @@ class Sag(NamedTuple):
             return self
         if not (math.isfinite(self.mean_A) and 0.0 < dt_s <= _INTERRUPTED_S):
             return self._replace(mean_A=current_A, mean_V=voltage_V)
-        share, decay = 1.0 - math.exp(-dt_s / _FAST_S), math.exp(-dt_s / _REMEMBERED_S)
+        share, decay = 1.0 - math.exp(-dt_s / _MEAN_S), math.exp(-dt_s / _REMEMBERED_S)
         mean_A = self.mean_A + share * (current_A - self.mean_A)
         mean_V = self.mean_V + share * (voltage_V - self.mean_V)
         fast_A, fast_V = current_A - mean_A, voltage_V - mean_V

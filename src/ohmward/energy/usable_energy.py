@@ -62,7 +62,7 @@ _LOWER_SIDE_SHARE = 1.5
 #: Rows of the points of a battery: state of charge, capacity, resistance, diffusion lag, luck with the peaks.
 BATTERY_DIMENSIONS = 5
 #: Smallest relative capacity used as a divisor.
-_LEAST_CAPACITY = 0.01
+_LEAST_SOH_CAPACITY = 0.01
 #: Where the log-likelihoods of all batteries differ by less than this, what they have done carries no information.
 _UNINFORMATIVE = 0.001
 #: Voltage margin where the power cannot be delivered: far below any cut-off.
@@ -198,7 +198,7 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     """
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
     sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
-    capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_CAPACITY)
+    capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_SOH_CAPACITY)
     counted_std = min(state.counted * state.capacity_std / state.soh_capacity, state.soc_std)
     counted = counted_std / state.capacity_std * state.soh_capacity if state.capacity_std > 0.0 else 0.0
     with_capacity = counted * (1.0 - state.soh_capacity / capacity)

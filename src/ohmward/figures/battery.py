@@ -30,7 +30,7 @@ SOC_AXIS = "State of charge [%]"
 #: Samples drawn of a quantity that changes over hours, such as offset and capacity: lines and bands need no more.
 _MOST_SLOW = 100_000
 #: More lines than this cannot be distinguished: then only the emptiest and the fullest cells are drawn.
-_MOST_CELLS = 6
+_MOST_CELL_LINES = 6
 #: Flags that are drawn, and the meaning of their colours.
 FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
@@ -332,4 +332,4 @@ def cells_difference_figure(run: PackRun) -> Figure:
 def _drawn(run: PackRun) -> list[int]:
     """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
     order = np.argsort(run.cells.soc[-1]).tolist()
-    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_CELLS // 2], *order[-1:]])
+    return sorted(order) if len(order) <= _MOST_CELL_LINES else sorted([*order[: _MOST_CELL_LINES // 2], *order[-1:]])

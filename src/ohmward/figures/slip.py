@@ -124,7 +124,7 @@ def _around(*values: np.ndarray) -> tuple[float, float]:
 
 
 #: Ellipses along the path, and points on each.
-ELLIPSES, POINTS = 8, 120
+ELLIPSES, OUTLINE_POINTS = 8, 120
 
 
 def path_map(run: OdometryRun) -> Map:
@@ -138,8 +138,8 @@ def path_map(run: OdometryRun) -> Map:
 
 
 def ellipse(cov: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
-    """Outline (2, POINTS) that holds 95 % of a position; cov: its covariance, or of a state that begins with it."""
-    angle = np.linspace(0.0, 2 * np.pi, POINTS)
+    """Outline (2, points) that holds 95 % of a position; cov: its covariance, or of a state that begins with it."""
+    angle = np.linspace(0.0, 2 * np.pi, OUTLINE_POINTS)
     values, vectors = np.linalg.eigh(cov[:2, :2])
     axes = vectors * np.sqrt(np.maximum(values, 0.0)) * ELLIPSE_95
     return np.array([[x_m], [y_m]]) + axes @ np.array([np.cos(angle), np.sin(angle)])

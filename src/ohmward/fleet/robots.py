@@ -141,7 +141,7 @@ _SURELY = 1.645
 WORN, HIGH_RESISTANCE = 0.8, 2.0
 #: An outlier differs from the fleet by this many standard deviations, fleet and robot combined, and by at least this
 #: share; fewest robots that show a spread.
-_OUTLIER, _LEAST_SHARE, _FEWEST_ROBOTS = 3.5, 0.1, 5
+_OUTLIER_STDS, _OUTLIER_SHARE, _FEWEST_ROBOTS = 3.5, 0.1, 5
 #: Fields of a robot that are those in the row of its last log.
 _AS_IN_THE_ROW = (
     "soh_capacity", "soh_capacity_std", "resistance_ratio", "resistance_ratio_std", "current_offset_A",
@@ -243,7 +243,7 @@ def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None
             continue
         usual, std = known
         worse = way * (value - usual)
-        if worse > _OUTLIER * float(np.hypot(std, own_std)) and worse > _LEAST_SHARE * usual:
+        if worse > _OUTLIER_STDS * float(np.hypot(std, own_std)) and worse > _OUTLIER_SHARE * usual:
             yield f"{what} {_with_std(value, own_std)} of the battery file's, of the fleet {_with_std(usual, std)}"
 
 

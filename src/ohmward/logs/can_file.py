@@ -31,9 +31,9 @@ _TEXTS = (
 )
 #: The reader of python-can for the one binary format.
 _BLF = "BLFReader"
-_MOST_BYTES = 8
+_FRAME_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
-_UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 1000
+_GROUP_BYTES, _GROUP_TIMES = 16 << 20, 1000
 
 
 class CanFrames(NamedTuple):
@@ -117,7 +117,7 @@ def _require_sound(path: Path, file: Any) -> None:
         group.channel_group.cycles_nr * max(_record_bytes(group), 8 * len(group.channels)) for group in file.groups
     ]
     largest = max(sizes, default=0)
-    if largest > max(_UNPACKED_TIMES * path.stat().st_size, _UNPACKED_BYTES):
+    if largest > max(_GROUP_TIMES * path.stat().st_size, _GROUP_BYTES):
         raise InputError(f"{path.name}: the MDF file is damaged: a group says that it holds {largest:.1e} bytes")
     for group in file.groups:
         for channel in group.channels:
@@ -279,7 +279,7 @@ def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterato
     with open_text(path, encoding) as stream:
         for row in csv.DictReader(stream, skipinitialspace=True):
             try:
-                count = min(int(row["LEN"]), _MOST_BYTES)
+                count = min(int(row["LEN"]), _FRAME_BYTES)
                 payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
                 key = int(row["ID"], 16), row["Extended"].strip().lower() == "true"
                 time_s = 1e-6 * float(row["Time Stamp"])

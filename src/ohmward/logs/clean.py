@@ -24,7 +24,7 @@ from ohmward.signals.survey import find_gaps, spread, usual_interval_s
 LARGEST_READING = 1e18
 #: A voltage spike lasts less than half of this many samples, and is farther from the samples around it than this
 #: fraction of the usual voltage: pulses of a cold cell move it less.
-_AROUND, _FAR = 7, 1 / 3
+_AROUND, _SPIKE_SHARE = 7, 1 / 3
 #: A temperature spike is farther than this [K] from the samples around it: pulses warm a cell by only a few kelvins.
 _FAR_K = 20.0
 #: A temperature that never changes and lies outside these limits [degC] is an error code: -127, -40, 85, 127.
@@ -36,7 +36,7 @@ _SAMPLES_OF_A_CONSTANT = 50
 _HUGE, _ANSWERS = 3.0, 0.2
 #: A current that stays the same for this time [s] and this many rows is stuck if large moves of the voltage reverse at
 #: least this many times, and at this fraction of the rate of large moves elsewhere.
-_STUCK_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_SHARE = 60.0, 30, 6, 0.25
+_STUCK_CURRENT_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_TURNS_SHARE = 60.0, 30, 6, 0.25
 #: A voltage move is large above this fraction of that at the largest current edge, and this many times the noise.
 _LARGE_MOVE, _BEYOND_NOISE = 0.1, 6.0
 _ALONE = "no measurement, far from the rows around"
@@ -49,7 +49,7 @@ _FEWEST_CHANGES, _DIFFERENT = 30, 0.25
 # This fraction of a column is sorted first: in most columns it has more distinct values than that.
 _BEGINNING = 0.3
 # Current and voltage alternate if this fraction of the rows, of at least this many, follow one of the other kind.
-_IN_TURN, _TURNS = 0.9, 20
+_IN_TURN, _FEWEST_IN_TURN = 0.9, 20
 
 
 def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
@@ -83,7 +83,7 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The voltages (T,) [V] with isolated impossible values, such as 0 or 65.535 V, set to NaN, and a note on them."""
     usual_V = _usual(voltage_V)
-    rows, _ = _alone(voltage_V, usual_V, _FAR * abs(usual_V))
+    rows, _ = _alone(voltage_V, usual_V, _SPIKE_SHARE * abs(usual_V))
     return without_rows(voltage_V, rows, "voltage", "V", _ALONE)
 
 
@@ -128,7 +128,7 @@ def without_stuck_current(
 
     At rest or under a steady load the voltage relaxes; a load that is no longer measured still moves it back and forth.
     """
-    steady = long_runs(np.diff(current_A, prepend=np.nan) == 0.0, time_s, _STUCK_S, _STUCK_ROWS)
+    steady = long_runs(np.diff(current_A, prepend=np.nan) == 0.0, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
     if not steady:
         return current_A, ()
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
@@ -145,7 +145,7 @@ def without_stuck_current(
     for first, stop in steady:
         upwards = moves_V[first:stop][large[first:stop]] > 0.0
         turns = np.count_nonzero(upwards[1:] != upwards[:-1])
-        if turns >= _STUCK_TURNS and turns >= _STUCK_SHARE * usual * (stop - first):
+        if turns >= _STUCK_TURNS and turns >= _STUCK_TURNS_SHARE * usual * (stop - first):
             rest_A = rest_A if notes else current_A.copy()
             rest_A[first:stop] = np.nan
             when = f" {from_to(time_s[first:stop])}"
@@ -276,7 +276,7 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     if (has_current & has_voltage).sum() < _TOGETHER_FRACTION * min(has_current.sum(), has_voltage.sum()):
         table = _interpolate(table, time, current, has_voltage & ~has_current)
         turns = np.diff(has_voltage[measured].astype(int)) != 0
-        if turns.size >= _TURNS and turns.mean() >= _IN_TURN:
+        if turns.size >= _FEWEST_IN_TURN and turns.mean() >= _IN_TURN:
             alone = has_current & ~has_voltage
             table = table.with_notes(
                 Note(f"{counted(alone.sum(), 'row')} of a current alone: joined with the voltages")

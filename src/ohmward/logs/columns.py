@@ -35,7 +35,7 @@ _WALL_CLOCK = (
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
 _IN, _OUT = word_set("in input"), word_set("out output")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
-_SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
+_SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
 _BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 3, 3, 4, 5, 99
@@ -291,7 +291,7 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     known = [
         word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED and word not in beside
     ]
-    misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
+    misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _SIMILAR) for w in channel.split(n)))
     by_unit = [name for name in likely if units[name]]
     return by_letters or next(misspelled, None) or (by_unit[0] if len(by_unit) == 1 else None)
 

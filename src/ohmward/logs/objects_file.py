@@ -38,7 +38,7 @@ _PAIR = re.compile(
     r"\s?(?P<unit>[A-Za-z°%µ]+(?![\w:=]))?(?=[\s,;|]|$)"
 )
 #: Number of lines examined, and smallest share of a line that its pairs take up.
-_HEAD_LINES, _MOSTLY = 5, 0.8
+_EXAMINED_LINES, _PAIRS_SHARE = 5, 0.8
 
 
 def names_values(head: bytes) -> bool:
@@ -157,7 +157,7 @@ def _flattened(one: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, 
 def is_labelled(head: bytes) -> bool:
     """True for a text whose first lines name each of their numbers."""
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip() and line[0] != "#"]
-    lines = lines[:_HEAD_LINES]
+    lines = lines[:_EXAMINED_LINES]
     return len(lines) > 1 and (all(map(_PROTOCOL.fullmatch, lines)) or all(map(_is_row_of_pairs, lines)))
 
 
@@ -179,7 +179,7 @@ def rows_of_lines(text: str) -> list[dict[str, Any]]:
 def _is_row_of_pairs(line: str) -> bool:
     text = _MONITOR.sub("", line.strip(), count=1)
     taken = sum(len(pair[0]) for pair in _PAIR.finditer(text))
-    return len(_PAIR.findall(text)) > 1 and taken >= _MOSTLY * len(re.sub(r"[\s,;|]", "", text))
+    return len(_PAIR.findall(text)) > 1 and taken >= _PAIRS_SHARE * len(re.sub(r"[\s,;|]", "", text))
 
 
 def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:

@@ -20,7 +20,7 @@ from ohmward.logs.table import MISSING, Note, Table, TableFile, counted, numbers
 
 # A column that every file has: 1, 2, ... counted up at each restart of the clock.
 RECORDING = "recording"
-_MOST_SEPARATORS, _MOST_LISTED = 3, 8
+_MOST_SEPARATORS, _MOST_QUOTED = 3, 8
 #: A file with a selection of its rows.
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 #: Words in the name of a column that tells batteries or robots apart, and words beside them.
@@ -29,7 +29,7 @@ _BESIDE_INSTANCE = frozenset(("id", "no", "nr", "number", "name", "index", "seri
 #: Words for the finer part of a stamp in a column of its own, which also tells rows apart.
 _STAMP = frozenset(("s", "sec", "secs", "second", "seconds", "ms", "msec", "millis", "milliseconds", "us", "ns"))
 #: Most instances in one table; number of rows whose labels are checked first.
-_MOST_INSTANCES, _HEAD_ROWS = 16, 1000
+_MOST_INSTANCES, _LABEL_ROWS = 16, 1000
 #: Smallest fraction of rows at which the instance changes, or of rows of rarer instances that share another row's time.
 _SIDE_BY_SIDE = 0.5
 #: Smallest fraction of the stamps that have a row of each instance.
@@ -165,7 +165,7 @@ def names_instances(name: str) -> bool:
 
 def _are_labels(values: np.ndarray) -> bool:
     """True where the first rows hold a few whole numbers or texts, none missing."""
-    head = values[:_HEAD_ROWS]
+    head = values[:_LABEL_ROWS]
     if head.dtype.kind == "f" and not (np.isfinite(head).all() and (head == np.rint(head)).all()):
         return False
     return head.dtype.kind in "fiubO" and len(set(head.tolist())) <= _MOST_INSTANCES
@@ -238,7 +238,7 @@ def labels_in(file: TableFile, column: str) -> list[str]:
 def _listed(values: np.ndarray) -> str:
     """The first distinct values for a message."""
     found = distinct(values)
-    return ", ".join(map(str, found[:_MOST_LISTED])) + (", ..." if len(found) > _MOST_LISTED else "")
+    return ", ".join(map(str, found[:_MOST_QUOTED])) + (", ..." if len(found) > _MOST_QUOTED else "")
 
 
 def _plain(value) -> float | int | str:

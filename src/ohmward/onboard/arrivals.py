@@ -14,7 +14,7 @@ from ohmward.onboard.clock import DELAY_WINDOW_S, SourceClock
 from ohmward.onboard.message import Message
 
 #: Most messages that wait, and the longest that one waits; a burst beyond them has the times of its receipt.
-MOST_WAITING, LONGEST_WAIT_S = 10_000, 2.0
+MOST_QUEUED, LONGEST_QUEUED_S = 10_000, 2.0
 
 #: Most clocks; further publishers of a source share one, so that one that invents names does not fill the memory.
 MOST_CLOCKS = 1000
@@ -70,7 +70,7 @@ class Arrivals:
         if not self._waiting:
             return []
         is_over = all(clock.settle(now_s) for clock in self._held)
-        too_long = now_s - self._waiting[0][1].received_s > LONGEST_WAIT_S or len(self._waiting) >= MOST_WAITING
+        too_long = now_s - self._waiting[0][1].received_s > LONGEST_QUEUED_S or len(self._waiting) >= MOST_QUEUED
         return self.flush() if is_over or too_long else []
 
     def flush(self) -> list[Arrival]:

@@ -16,7 +16,8 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 
 LOG = logging.getLogger("ohmward.onboard")
 
-#: Wait before a source or sink restarts [s]: doubled each time, reset once it has run for longer than the longest wait.
+#: Wait before a source or sink restarts, or rows are sent again [s]: doubled each time. It is reset once the source or
+#: sink has run for longer than the longest wait, or rows have been sent.
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
 
 

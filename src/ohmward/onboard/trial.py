@@ -29,7 +29,14 @@ from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing,
 from ohmward.signals.current_sign import check_current_sign, sign_evidence
 from ohmward.signals.current_size import check_wrapped
 from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
-from ohmward.traction.motion_check import FEWEST, TURNING_RAD_S, check_signs, check_units, contradiction, motion_of
+from ohmward.traction.motion_check import (
+    FEWEST_VALUES,
+    TURNING_RAD_S,
+    check_signs,
+    check_units,
+    contradiction,
+    motion_of,
+)
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
@@ -185,7 +192,7 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Di
     if len(names) < 2:
         return
     motion, together = motion_of(robot, speeds, yaw_rate), "signs of wheels and gyro"
-    if motion.values.shape[1] < FEWEST:
+    if motion.values.shape[1] < FEWEST_VALUES:
         yield Diagnostic(together, Level.WARN, "cannot be checked at rest; drive a little, with a turn")
         return
     signs = [(names[k], finding) for k, finding in check_signs(robot, motion, "setup")]
@@ -224,7 +231,7 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
         speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
         pitch = found.get("pitch_rad")
         pitch_rad = np.interp(current.time_s, pitch.time_s, pitch.values) if pitch else np.zeros_like(speed)
-        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < FEWEST:
+        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < FEWEST_VALUES:
             yield Diagnostic(signal, Level.WARN, "its sign cannot be checked at rest; drive a little")
         elif only_brakes(robot, current.time_s, speed, current.values, pitch_rad):
             yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))

@@ -12,9 +12,9 @@ from ohmward.report.figure import MEANING, SHADES, Band, Figure, Series, colours
 from ohmward.report.map import Line, Map
 
 #: Size of the picture [px], and the number of columns for thinning its lines.
-_WIDTH, _HEIGHT, _COLUMNS = 320.0, 90.0, 320
+_CARD_WIDTH, _CARD_HEIGHT, _CARD_COLUMNS = 320.0, 90.0, 320
 #: Extent assumed for a path in a direction in which it does not move.
-_LEAST_EXTENT: Final = 1e-9
+_STILL_EXTENT: Final = 1e-9
 _CARD: Final = "display:inline-flex;gap:24px;align-items:center;font-size:13px;line-height:1.5"
 _NAME: Final = "font-size:13px;text-align:left;padding:0 12px 0 0;font-weight:normal;opacity:.7"
 _VALUE: Final = "font-size:13px;text-align:left;padding:0"
@@ -38,7 +38,7 @@ def card(title: str, facts: Mapping[str, str], figure: Figure | Map | None = Non
 def _svg(figure: Figure | Map) -> str:
     drawn = _path(figure.lines[-1]) if isinstance(figure, Map) else _curves(figure)
     return (
-        f'<svg viewBox="0 -2 {_WIDTH:g} {_HEIGHT + 4:g}" width="{_WIDTH:g}" role="img" '
+        f'<svg viewBox="0 -2 {_CARD_WIDTH:g} {_CARD_HEIGHT + 4:g}" width="{_CARD_WIDTH:g}" role="img" '
         f'aria-label="{escape(figure.title, quote=True)}">{drawn}</svg>'
     )
 
@@ -50,7 +50,7 @@ def _path(line: Line) -> str:
     if len(points) < 2:
         return ""
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
-    scale = np.full(2, min(_WIDTH / (extent[0] or _LEAST_EXTENT), _HEIGHT / (extent[1] or _LEAST_EXTENT)))
+    scale = np.full(2, min(_CARD_WIDTH / (extent[0] or _STILL_EXTENT), _CARD_HEIGHT / (extent[1] or _STILL_EXTENT)))
     return _polyline(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light)
 
 
@@ -62,7 +62,7 @@ def _curves(figure: Figure) -> str:
     visible = [v[np.isfinite(v)] for v in [*(s.y for s in lines), *(v for b in figure.bands for v in (b.low, b.high))]]
     x_low, x_high = float(min(s.x[0] for s in lines)), float(max(s.x[-1] for s in lines))
     low, high = figure.y_limits or (min(v.min() for v in visible if v.size), max(v.max() for v in visible if v.size))
-    scale = np.array([_WIDTH / ((x_high - x_low) or 1.0), _HEIGHT / ((float(high) - float(low)) or 1.0)])
+    scale = np.array([_CARD_WIDTH / ((x_high - x_low) or 1.0), _CARD_HEIGHT / ((float(high) - float(low)) or 1.0)])
     corner = np.array([x_low, float(low)])
     names = colours([series.role for series in lines])
     bands = "".join(_band(band, corner, scale) for band in figure.bands)
@@ -72,7 +72,7 @@ def _curves(figure: Figure) -> str:
 
 def _line(series: Series, colour: str, corner: np.ndarray, scale: np.ndarray) -> str:
     """A line in pieces between its gaps, or dots."""
-    rows = m4(series.x, series.y, _COLUMNS)
+    rows = m4(series.x, series.y, _CARD_COLUMNS)
     points = _places(series.x[rows], series.y[rows], corner, scale)
     stroke = SHADES[colour].light
     if series.style == "points":
@@ -89,7 +89,7 @@ def _polyline(points: np.ndarray, stroke: str) -> str:
 
 
 def _band(band: Band, corner: np.ndarray, scale: np.ndarray) -> str:
-    x, low, high = envelope(band.x, band.low, band.high, _COLUMNS)
+    x, low, high = envelope(band.x, band.low, band.high, _CARD_COLUMNS)
     known = np.isfinite(low) & np.isfinite(high)
     above, below = (_places(x[known], edge[known], corner, scale) for edge in (high, low))
     outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in np.vstack([above, below[::-1]]))
@@ -99,5 +99,5 @@ def _band(band: Band, corner: np.ndarray, scale: np.ndarray) -> str:
 def _places(x: np.ndarray, y: np.ndarray, corner: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Points (n, 2) of the picture, y downwards and clipped at its edges."""
     points = (np.column_stack([x, y]) - corner) * scale
-    points[:, 1] = _HEIGHT - np.clip(points[:, 1], 0.0, _HEIGHT)
+    points[:, 1] = _CARD_HEIGHT - np.clip(points[:, 1], 0.0, _CARD_HEIGHT)
     return points

@@ -27,7 +27,7 @@ _WIDTH_IN, _AROUND_IN, _PX_IN = 8.0, 0.55, 1 / 100
 #: Dots per inch of a PNG: in a file, and in a notebook, which stores one for every plot.
 _DPI, _NOTEBOOK_DPI = 150, 100
 #: Columns and rows for thinning lines: more than a page in a journal shows.
-_COLUMNS, _ROWS = 1200, 800
+_THINNING_COLUMNS, _THINNING_ROWS = 1200, 800
 _STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
     "line": {"linewidth": 1.2},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
@@ -79,11 +79,11 @@ def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
         ax.axvspan(*map(place, span[:2]), color=_colour(MEANING[span.role]), alpha=0.12, linewidth=0, label=span.label)
     for band in figure.bands:
         shade = {"color": _colour(MEANING[band.role]), "alpha": 0.2, "linewidth": 0}
-        x, low, high = envelope(band.x, band.low, band.high, _COLUMNS)
+        x, low, high = envelope(band.x, band.low, band.high, _THINNING_COLUMNS)
         ax.fill_between(place(x), low, high, label=band.label, **shade)
     right = ax.twinx() if figure.right_label else None
     for series, name in zip(figure.series, colours([s.role for s in figure.series]), strict=True):
-        rows = series.visible(_COLUMNS, _ROWS, figure.log_y)
+        rows = series.visible(_THINNING_COLUMNS, _THINNING_ROWS, figure.log_y)
         side = right if right is not None and series.axis == "right" else ax
         add_line(side, place(series.x[rows]), series.y[rows], name, series.label, series.style)
     for marker in figure.markers:

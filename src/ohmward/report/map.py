@@ -20,7 +20,7 @@ from ohmward.report.page import Page
 WIDTH_PX, HEIGHT_PX, LEFT_PX, BOTTOM_PX, TOP_PX = 960.0, 480.0, 64.0, 48.0, 12.0
 
 #: Margin around the lines as a share of their extent, and the smallest extent [unit of the axes].
-MARGIN, LEAST_EXTENT = 0.04, 1e-3
+MAP_MARGIN, LEAST_EXTENT = 0.04, 1e-3
 
 #: Height of a page with a map.
 _PAGE_PX: Final = 720
@@ -116,7 +116,7 @@ def area_of(lines: Sequence[Line]) -> Area:
     if points.shape[1] == 0:
         points = np.zeros((2, 1))
     low, high = points.min(axis=1), points.max(axis=1)
-    extent = np.maximum(high - low, max(LEAST_EXTENT, 0.1 * float(np.max(high - low)))) * (1 + 2 * MARGIN)
+    extent = np.maximum(high - low, max(LEAST_EXTENT, 0.1 * float(np.max(high - low)))) * (1 + 2 * MAP_MARGIN)
     corner = (low + high - extent) / 2
     width, height = float(extent[0]), float(extent[1])
     return Area(float(corner[0]), float(corner[1]), width, height, min(WIDTH_PX / width, HEIGHT_PX / height))

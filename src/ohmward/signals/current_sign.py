@@ -41,7 +41,7 @@ _TREND_PARTS = 5
 _TREND_LEAST_S = 300.0
 # Regression over all changes: number of parts of a log with equal sums of squared changes; fewest changes, counted as
 # of equal size; samples that a change spans: a voltage sampled later than the current responds to the longer one only.
-_CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
+_CHANGE_PARTS, _FEWEST_EQUAL_CHANGES = 10, 6
 _CHANGES_OVER = (1, 4)
 # Most samples by which a voltage may be older than its current, as when they are polled one after the other.
 _LATE_SAMPLES = 3
@@ -237,7 +237,7 @@ def _sign_of_changes(dI: np.ndarray, dV: np.ndarray) -> int:
     The error of R comes from how much the parts of the log disagree, which is valid for dependent samples, too.
     """
     squares = np.cumsum(dI * dI)
-    if not squares.size or squares[-1] ** 2 < _FEWEST_CHANGES * np.sum(dI**4) or squares[-1] == 0.0:
+    if not squares.size or squares[-1] ** 2 < _FEWEST_EQUAL_CHANGES * np.sum(dI**4) or squares[-1] == 0.0:
         return 0
     part = np.minimum((_CHANGE_PARTS * squares / squares[-1]).astype(int), _CHANGE_PARTS - 1)
     products = np.bincount(part, dI * dV, _CHANGE_PARTS)

@@ -21,12 +21,12 @@ _EDGE, _MOST_EDGES = 0.2, 300
 #: Fewest edges that wrapped, and that did not; largest sum of their squared residuals as a share of that as logged. The
 #: same for a few that wrapped, as of a charge that begins and ends once. Steps above the last share of the range show
 #: the resistance.
-_FEWEST, _LEFT = 5, 0.1
+_FEWEST_OF_EACH, _LEFT = 5, 0.1
 _FEW, _LEFT_BY_FEW = 2, 0.01
 #: Of currents that wrapped several times: the largest edges in ranges of the number, how many resistances are tried,
 #: the smallest coherence of all edges, and the fewest that wrapped. As logged, they leave this share of the voltage's
 #: squares unexplained.
-_RANGES, _COHERENT, _MANY, _UNEXPLAINED = np.linspace(0.8, 4.0, 400), 0.8, 25, 0.25
+_RANGES, _COHERENT, _FEWEST_WRAPPED, _UNEXPLAINED_SHARE = np.linspace(0.8, 4.0, 400), 0.8, 25, 0.25
 _LARGE = 0.02
 #: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100
@@ -99,7 +99,7 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     size, noise_V = np.abs(dV), spread(dV)
     edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * noise_V) & (dI != 0.0))
     edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
-    if edge.size < _FEWEST:
+    if edge.size < _FEWEST_OF_EACH:
         return 0
     dI, dV = dI[edge], dV[edge]
     as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
@@ -112,11 +112,11 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
     left = left_V2.min(axis=2).sum(axis=1)
     if not ohms.size or left.min() > _LEFT * as_logged:
-        return _count_by_phase(dI, dV, range_A) if as_logged > _UNEXPLAINED * float(dV @ dV) else 0
+        return _count_by_phase(dI, dV, range_A) if as_logged > _UNEXPLAINED_SHARE * float(dV @ dV) else 0
     is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
     count = int(is_wrapped.sum())
-    fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST
-    return count if count >= fewest and is_wrapped.size - count >= _FEWEST else 0
+    fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST_OF_EACH
+    return count if count >= fewest and is_wrapped.size - count >= _FEWEST_OF_EACH else 0
 
 
 def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
@@ -133,7 +133,7 @@ def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     # edges of one size would be coherent by chance, and those that the current shows later
     if np.abs(np.exp(1j * phase).mean()) >= _COHERENT or np.unique(np.abs(wraps)).size < 2:
         return 0
-    return count if coherence[best] >= _COHERENT and count >= _MANY else 0
+    return count if coherence[best] >= _COHERENT and count >= _FEWEST_WRAPPED else 0
 
 
 def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale, str] | None:

@@ -20,11 +20,11 @@ from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion.stuck_gyro import FEWEST, REPEATS_S, watch_log
+from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES, REPEATS_S, watch_log
 from ohmward.traction.motion_check import CURED, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
-    TURNS_RAD_S,
+    WHEEL_TURNS_RAD_S,
     YAWS_RAD_S,
     speed_and_wheels_m_s,
     yaw_rate_of_wheels,
@@ -58,7 +58,7 @@ FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
 #: A robot is stuck if the speed from outside is below `STUCK_SHARE` of the wheels' for this time [s] and this many
 #: samples in a row; a starting robot is not, however late that speed comes.
-STUCK_S, FEWEST_STUCK = 3.0, 3
+ROBOT_STUCK_S, FEWEST_STUCK = 3.0, 3
 
 #: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, and certainly wrong.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
@@ -101,7 +101,7 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
         return log
     rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
     repeats = np.append(False, np.diff(log.yaw_rate_rad_s[rows]) == 0.0)
-    repeated = long_runs(repeats, log.time_s[rows], REPEATS_S, FEWEST)
+    repeated = long_runs(repeats, log.time_s[rows], REPEATS_S, FEWEST_VALUES)
     if not repeated:
         return log
     suspected, is_stuck = (condition[rows] for condition in watch_log(robot, log))
@@ -154,8 +154,8 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
-        turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
-        for first, stop in long_runs(same, log.time_s[rows], REPEATS_S, FEWEST):
+        turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > WHEEL_TURNS_RAD_S
+        for first, stop in long_runs(same, log.time_s[rows], REPEATS_S, FEWEST_VALUES):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
                 what, when = f"the encoder of {name} is ", f" {from_to(log.time_s[rows[first:stop]])}"
@@ -169,9 +169,9 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
     for k, name in enumerate(_names(robot)):
         speed = log.wheel_speed_rad_s[:, k]
         speed = speed[np.isfinite(speed)]
-        if speed.size < FEWEST:
+        if speed.size < FEWEST_VALUES:
             continue
-        usual = max(float(np.quantile(np.abs(speed), 0.95)), TURNS_RAD_S)
+        usual = max(float(np.quantile(np.abs(speed), 0.95)), WHEEL_TURNS_RAD_S)
         before, after = np.diff(speed)[:-1], -np.diff(speed)[1:]
         spikes = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > SPIKE * usual)
         if spikes.any():
@@ -199,7 +199,7 @@ def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
         beyond: dict[str, tuple[float, float]] = {}
         for name, of_one in zip(_names(robot), values.T, strict=False):
             known = of_one[np.isfinite(of_one)]
-            low, high = np.quantile(known, [0.01, 0.99]) if known.size >= FEWEST else (0.0, 0.0)
+            low, high = np.quantile(known, [0.01, 0.99]) if known.size >= FEWEST_VALUES else (0.0, 0.0)
             if low < limits.lowest or high > limits.highest:
                 beyond[name] = low, high
         if beyond:
@@ -214,12 +214,12 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are never negative while the gyro turns as if one side, or both, turned back for a while."""
     sides = _sides(robot)
     speed = log.wheel_speed_rad_s
-    if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -TURNS_RAD_S).any():
+    if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -WHEEL_TURNS_RAD_S).any():
         return
     signs = [np.choose(sides + 1, [right, 1, left]) for left in (1, -1) for right in (1, -1)]
     yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
     rows = np.isfinite(yaws).all(axis=0) & np.isfinite(log.yaw_rate_rad_s) & (np.nan_to_num(speed).max(axis=1) > 0.0)
-    if rows.sum() < FEWEST:
+    if rows.sum() < FEWEST_VALUES:
         return
     gyro = log.yaw_rate_rad_s[rows]
     slower = np.linspace(1.0, 1.0 / SCRUBS, 9) if robot.chassis.scrubs else (1.0,)
@@ -228,7 +228,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
         return
     against = np.count_nonzero(left[0] > YAWS_RAD_S**2)
-    if against < FEWEST:
+    if against < FEWEST_VALUES:
         return
     yield (
         f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
@@ -249,8 +249,8 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
         known = np.isfinite(log.wheel_speed_rad_s)
         by_side = [np.where(known[:, sides == side], log.wheel_speed_rad_s[:, sides == side], 0.0) for side in (1, -1)]
     left, right = (values.sum(axis=1) for values in by_side)
-    turn = np.minimum(np.abs(left), np.abs(right)) > TURNS_RAD_S
-    if turn.sum() < FEWEST or np.mean(left[turn] * right[turn] < 0) < SPINS_SHARE:
+    turn = np.minimum(np.abs(left), np.abs(right)) > WHEEL_TURNS_RAD_S
+    if turn.sum() < FEWEST_VALUES or np.mean(left[turn] * right[turn] < 0) < SPINS_SHARE:
         return
     yaw = np.nan_to_num(yaw_rate_of_wheels(robot, log.wheel_speed_rad_s))
     turns = float(np.abs(yaw) @ np.diff(log.time_s, prepend=log.time_s[0])) / (2 * math.pi)
@@ -295,9 +295,9 @@ def only_brakes(
 
     time_s, speed_rad_s, current_A, pitch_rad: (T,) of the motor and its wheel; nan where not known.
     """
-    rows = np.isfinite(current_A) & (np.abs(speed_rad_s) > TURNS_RAD_S)
+    rows = np.isfinite(current_A) & (np.abs(speed_rad_s) > WHEEL_TURNS_RAD_S)
     forward_A = (current_A * np.sign(speed_rad_s))[rows]
-    if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+    if forward_A.size < FEWEST_VALUES or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
         return False
     mass_kg, rim_m_s, brakes = robot.mass_kg / robot.driven, robot.wheel.radius_m * speed_rad_s[rows], forward_A < 0
     dt_s = np.diff(time_s, prepend=time_s[0])[rows]
@@ -310,9 +310,9 @@ def only_brakes(
 def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Motors that work for a while although their wheels do not turn."""
     for k, name in enumerate(_names(robot)[: robot.driven]):
-        stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
+        stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * WHEEL_TURNS_RAD_S
         works = np.abs(log.motor_current_A[:, k]) > WORKS_A
-        for first, stop in long_runs(stands & works, log.time_s, REPEATS_S, FEWEST)[:1]:
+        for first, stop in long_runs(stands & works, log.time_s, REPEATS_S, FEWEST_VALUES)[:1]:
             current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
             yield (
                 f"the motor of {name} takes {current_A:.3g} A {from_to(log.time_s[first:stop])} and its wheel does "
@@ -324,8 +324,8 @@ def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Current sensors that never change although their wheels turn."""
     for k, name in enumerate(_names(robot)[: robot.driven]):
         current = log.motor_current_A[:, k]
-        current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
-        if current.size >= FEWEST and np.ptp(current) == 0:
+        current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > WHEEL_TURNS_RAD_S)]
+        if current.size >= FEWEST_VALUES and np.ptp(current) == 0:
             yield (
                 f"the motor current of {name} is {current[0]:.3g} A without any change while its wheel turns: a dead "
                 "sensor; leave its column out, and the motor counts as unknown"
@@ -341,7 +341,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     turn = np.abs(wheels) > TURNS_M_S  # standing wheels are no evidence
     time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
-    for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
+    for first, stop in long_runs(stands, time_s, ROBOT_STUCK_S, FEWEST_STUCK):
         yield (
             f"the robot stands by the speed from outside {from_to(time_s[first:stop])} while its wheels turn: stuck, "
             "or that speed is dead; the robot is taken to stand between two of its samples, too"
@@ -352,7 +352,7 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are much slower or faster than the robot."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     rows = (np.abs(speed) > TURNS_M_S) & (np.abs(wheels) > 1e-3 * TURNS_M_S)
-    if rows.sum() < FEWEST:
+    if rows.sum() < FEWEST_VALUES:
         return
     ratio = abs(float(np.median(wheels[rows] / speed[rows])))
     if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL:

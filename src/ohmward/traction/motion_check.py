@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
-from ohmward.traction.motion.stuck_gyro import FEWEST
+from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 
@@ -69,7 +69,7 @@ class SensedMotion(NamedTuple):
 def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tuple[int, Finding]]:
     """Finding on a sign by which wheels and gyro contradict each other, and its row of G."""
     seen, rows, values = motion
-    if values.shape[1] < FEWEST:
+    if values.shape[1] < FEWEST_VALUES:
         return
     gyro = len(robot.places)
     wrong = [seen[k] for k in wrong_signs(rows, values, LEAST_RAD_S**2)]
@@ -143,7 +143,7 @@ def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
     row, rate = rows[seen.index(gyro)], values[seen.index(gyro)]
     by_wheels = row @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
     power, product = float(rate @ rate), float(by_wheels @ rate)
-    enough = power > max(rate.size, FEWEST) * LEAST_RAD_S**2
+    enough = power > max(rate.size, FEWEST_VALUES) * LEAST_RAD_S**2
     alike = abs(product) > CORRELATED * math.sqrt(power * float(by_wheels @ by_wheels))
     return product / power if enough and alike else math.nan
 

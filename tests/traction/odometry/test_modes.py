@@ -15,8 +15,8 @@ from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.odometry.corrections import OVERRUN_S, Overrun, run_over
 from ohmward.traction.odometry.model import NAMES, SLIP, OdometryNoise
 from ohmward.traction.odometry.modes import (
-    COUNTED,
     EVIDENCE_S,
+    LOOSE_SIGMAS,
     MET_S,
     ROLLING_M_S,
     SLIP_LASTS_S,
@@ -125,7 +125,7 @@ def test_modes_begin_and_end_as_their_times_say():
 def test_wheels_that_all_run_away_are_followed_as_fast_as_friction_can():
     after, speed = step(at(0.5), [4.5, 4.5])
     assert after.followed_m_s == pytest.approx(0.5 + GRAVITY * 0.02)
-    loose = COUNTED * math.hypot(ROLLING_M_S, 0.02 * 0.5)
+    loose = LOOSE_SIGMAS * math.hypot(ROLLING_M_S, 0.02 * 0.5)
     assert speed.forward_m_s == pytest.approx(after.followed_m_s + loose)
     assert speed.std_m_s == pytest.approx(4.5 - 0.5)  # what the rims have gained
     assert step(at(0.5), [4.5, 4.5], since=1e9)[1].std_m_s == pytest.approx(0.0, abs=1e-7)  # the first are believed

@@ -8,7 +8,7 @@ from ohmward.traction.observed_drive import observe_on_floors
 from ohmward.traction.terrain.floor import Floors, SlipBelief
 from ohmward.traction.terrain.recognition import (
     LASTING_SHARE,
-    MEMORY_S,
+    MU_MEMORY_S,
     LossSample,
     LossState,
     SeenLoss,
@@ -120,7 +120,7 @@ def test_the_mean_loss_has_less_variance_but_not_without_end():
         loss = seen(state)
         assert loss.value == pytest.approx(0.2)
         assert loss.variance == pytest.approx(0.01 * (LASTING_SHARE + (1 - LASTING_SHARE) / n))
-    faded = averaged(state, LossSample(np.nan, np.nan, False), False, MEMORY_S)
+    faded = averaged(state, LossSample(np.nan, np.nan, False), False, MU_MEMORY_S)
     assert faded.mean == state.mean and faded.count == pytest.approx(state.count / np.e)
     assert averaged(state, LossSample(np.nan, np.nan, False), True, 0.1).count == 0.0
     assert averaged(state, LossSample(0.9, 0.01, False), False, 0.1)[::2] == pytest.approx((0.9, 1.0))

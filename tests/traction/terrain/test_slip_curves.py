@@ -7,7 +7,7 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction.terrain.floor import new_floor, slip_belief, slip_scale, travel_speed, wheel_motion
-from ohmward.traction.terrain.slip_on_floors import MOST, SlipCurves
+from ohmward.traction.terrain.slip_on_floors import MOST_MU, SlipCurves
 from traction.terrain.drives import OMNI, SMOOTH, SOFT
 
 FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": new_floor((SMOOTH, SOFT))}
@@ -32,7 +32,7 @@ def test_slip_is_odd_and_ends_where_no_floor_gives_more():
     forth, back = (curves.belief(sign * np.array([0.3, 0.1, 5.0]), np.full(3, 0.02)) for sign in (1, -1))
     np.testing.assert_array_equal(forth.mean, -back.mean)
     np.testing.assert_allclose(forth.cov, back.cov, rtol=1e-12)
-    assert forth.mean[2] == pytest.approx(curves.mean(MOST)) == 1.0
+    assert forth.mean[2] == pytest.approx(curves.mean(MOST_MU)) == 1.0
 
 
 def test_traced_it_is_the_same():

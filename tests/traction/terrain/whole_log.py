@@ -19,8 +19,8 @@ from ohmward.traction.terrain.floor import (
 )
 from ohmward.traction.terrain.recognition import (
     LIKE_SHARE,
-    MEMORY_S,
     MIXED_SHARE,
+    MU_MEMORY_S,
     NEW_FLOOR_ODDS,
     PERSISTENT_SHARE,
     RIGHT_SHARE,
@@ -71,7 +71,7 @@ def floors_under(recognition, t, rim, force, noise, friction, events):
         prior = {1: p if averaged > 0 else prior, 2: (1 - RIGHT_SHARE) * p + RIGHT_SHARE * p @ near}.get(
             events[k], prior
         )
-        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, MEMORY_S))
+        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, MU_MEMORY_S))
         mean = force[k] if averaged <= dt else mean + dt / averaged * (force[k] - mean)
         kept = math.exp(-recognition.crossing_rate * dt)
         prior = kept * prior + (1 - kept) * usual

@@ -111,7 +111,7 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
 #: A slip this close to the commanded one counts as reached.
 REACHED_SLIP = 0.02
 #: Below this speed [m/s] controllers hold a slip speed (v_0) instead of a braking slip ratio.
-SLOWEST_M_S = 0.2
+SLIP_RATIO_FROM_M_S = 0.2
 #: Energy per metre is not defined for a shorter distance [m].
 _SHORTEST_WAY_M = 0.01
 
@@ -119,7 +119,7 @@ _SHORTEST_WAY_M = 0.01
 class SlipTracking(NamedTuple):
     """Tracking of one slip command by the worst of the driven wheels."""
 
-    #: time for which it held; in braking, until the robot is slower than `SLOWEST_M_S`
+    #: time for which it held; in braking, until the robot is slower than `SLIP_RATIO_FROM_M_S`
     from_s: float
     to_s: float
     slip_ratio: float  #: commanded
@@ -175,7 +175,7 @@ def slip_tracking(run: ClosedLoopRun) -> list[SlipTracking]:
     for command, end_s in zip(commands, ends_s, strict=True):
         rows = (truth.time_s > command.from_s) & (truth.time_s <= end_s)
         if command.slip_ratio is not None and command.slip_ratio < 0:
-            rows &= np.cumsum(rows & (np.abs(truth.speed_m_s) < SLOWEST_M_S)) == 0
+            rows &= np.cumsum(rows & (np.abs(truth.speed_m_s) < SLIP_RATIO_FROM_M_S)) == 0
         held = run.scenario.controller.mode_of(command) == "slip"
         if held and command.slip_ratio is not None and rows.any():
             tracked.append(track_command(truth.time_s[rows], slip[rows], command.from_s, command.slip_ratio))

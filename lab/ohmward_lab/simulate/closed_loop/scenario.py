@@ -25,7 +25,7 @@ from ohmward_lab.simulate.closed_loop.sensing import Sensing
 from ohmward_lab.simulate.closed_loop.supply import Pack
 
 PLANTS = ("own", "mujoco")
-SHORTEST_S, LONGEST_S = 0.01, 86400.0
+SHORTEST_RUN_S, LONGEST_RUN_S = 0.01, 86400.0
 #: Robots by name. RLMA's electronics draw what a small computer does; [T] does not say.
 ROBOTS: Mapping[str, Robot] = {**PACKAGED, "rlma": replace(RLMA, idle_W=10.0)}
 
@@ -54,7 +54,7 @@ class Scenario:
     name: str = ""  #: in words
 
     def __post_init__(self) -> None:
-        require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)
+        require_between("duration_s", self.duration_s, max(SHORTEST_RUN_S, self.sensors.interval_s), LONGEST_RUN_S)
         require_between("seed", self.seed, 0, 2**32)
         require_one_of("plant", self.plant, PLANTS)
         require_finite("start_speed_m_s", self.start_speed_m_s)

@@ -137,7 +137,7 @@ class CellEstimate(NamedTuple):
 #: Smallest variance of a state of charge: no voltage determines it better.
 LEAST_VARIANCE = 1e-8
 #: Share of the hysteresis by which two cells that carry the same current differ.
-_HYSTERESIS_SHARE = 0.2
+_HYSTERESIS_SPREAD = 0.2
 
 
 class LinearCurve(NamedTuple):
@@ -398,7 +398,7 @@ class CellFilter:
             spread.soc_axis_std * slope,
             noise.ocv_slip_std * slip_shape(soc, self.model.ocv_slip) * np.sqrt(gain2) * slope,
             noise.soc_axis_std * (slope - slope_of_typical),
-            _HYSTERESIS_SHARE * self.model.hysteresis_V_at(soc, u.temperature_degC),
+            _HYSTERESIS_SPREAD * self.model.hysteresis_V_at(soc, u.temperature_degC),
         )
         of_curve_V2 = model_std_V * model_std_V * 2.0 * (1.0 - exp(-distance / noise.model_soc_length))
         return np.sqrt(sum(term * term for term in terms) + of_curve_V2)

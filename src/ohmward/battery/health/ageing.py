@@ -63,7 +63,7 @@ _SHAPES = ((0.5, 0.25), (0.75, 0.2), (1.0, 0.3), (1.5, 0.15), (2.5, 0.1))
 #: Age at the first log: most files are made for a battery that is new, many for one in its first years.
 _FIRST_AGES = ((0.0, 0.4), (0.05, 0.15), (0.15, 0.15), (0.3, 0.1), (0.5, 0.1), (0.75, 0.05), (1.0, 0.03), (1.5, 0.02))
 #: Grid of the two lives: this many points to this many standard deviations.
-_POINTS, _REACH = 25, 4.0
+_GRID_POINTS, _REACH = 25, 4.0
 
 
 class AgeingLaws(NamedTuple):
@@ -95,7 +95,7 @@ def ageing_laws(chemistry: str = "") -> AgeingLaws:
     """Laws for a battery of this chemistry, "" where unknown, with the prior probabilities of its population."""
     of_years = _LEAD_ACID_YEARS if chemistry == "lead-acid" else _LITHIUM_YEARS
     of_cycles = _CYCLES.get(chemistry, _CYCLES_OF_ANY)
-    z = np.linspace(-_REACH, _REACH, _POINTS)
+    z = np.linspace(-_REACH, _REACH, _GRID_POINTS)
     shapes, shape_weights = np.array(_SHAPES).T
     ages, age_weights = np.array(_FIRST_AGES).T
     z_years, z_cycles, shape, age = (grid.ravel() for grid in np.meshgrid(z, z, shapes, ages, indexing="ij"))

@@ -24,7 +24,7 @@ from ohmward.battery.health.ageing import AgeingFit, HealthPoint, Track, observe
 #: Prior standard deviation of a step of ln(capacity): wrong gains and broken cells reach 10 to 30 %.
 STEP_STD = 0.15
 #: Smaller steps cannot be distinguished from reversible changes.
-LEAST_STEP = 0.04
+LEAST_LASTING_STEP = 0.04
 #: One log in a thousand is followed by a step; the evidence has to outweigh that.
 _LOG_ODDS = math.log(1000.0)
 #: Standard deviations within which two numbers agree.
@@ -108,7 +108,7 @@ def _most_evident(fit: AgeingFit) -> tuple[int, Normal] | None:
     evidence = 0.5 * pull**2 / total - 0.5 * np.log(STEP_STD**2 * total)
     k = int(np.argmax(evidence))
     size = Normal(float(pull[k] / total[k]), float(total[k] ** -0.5))
-    if evidence[k] < _LOG_ODDS + math.log(n) or abs(size.mean) < LEAST_STEP:
+    if evidence[k] < _LOG_ODDS + math.log(n) or abs(size.mean) < LEAST_LASTING_STEP:
         return None
     return k + 1, size
 

@@ -31,7 +31,7 @@ _EMPTIED_BELOW = 0.25
 #: A discharge that gave this share of the previous one was not broken off: a battery loses less from one to the next.
 _WHOLE = 0.95
 #: A battery above this SoC has been charged fully.
-_FULL_SOC = 0.97
+_FULLY_CHARGED_SOC = 0.97
 #: A file with a larger error of the resistances was not tested: the first logs stand for the new battery.
 _TESTED_RESISTANCE_STD = 0.35
 #: A log shows the resistance if it determines it better than this.
@@ -158,7 +158,7 @@ def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthP
         hours=log.duration_s / SECONDS_PER_HOUR,
         cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
-        full=update.soc_max >= _FULL_SOC,
+        full=update.soc_max >= _FULLY_CHARGED_SOC,
     )
 
 

@@ -33,7 +33,7 @@ _SMALLEST_RATE = 1 / 10
 #: Fewest edges for a resistance with a standard error.
 _FEWEST_EDGES = 3
 #: A log from full to empty: largest distance from either, lowest temperature [degC], and SoC whose voltage it reaches.
-_WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTY_SOC = 0.03, 15.0, 0.02
+_WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTIED_SOC = 0.03, 15.0, 0.02
 
 
 class Edge(NamedTuple):
@@ -223,7 +223,7 @@ class LogDetails:
         soc, degC = self.axis.soc, self.record.typical_degC()
         warm = degC is None or degC >= _COLDEST_WHOLE_DEGC
         ends = soc.max() >= 1.0 - _WHOLE_WITHIN and abs(soc.min()) <= _WHOLE_WITHIN
-        empty_V = float(self.model.ocv.mean_V(_EMPTY_SOC, ROOM_DEGC))
+        empty_V = float(self.model.ocv.mean_V(_EMPTIED_SOC, ROOM_DEGC))
         return bool(warm and ends and np.nanmin(self.record.log.voltage_V) <= empty_V)
 
     @property

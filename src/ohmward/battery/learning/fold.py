@@ -52,7 +52,7 @@ MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 #: The same for a battery that gases: slowly diffusing acid leaves 18 to 50 mV of 12 V after a day of loads.
 _GASSING_MODEL_STD_V = 0.01
 #: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC.
-_CAPACITY_STD, _RESISTANCE_STD, _SHARE = 0.01, 0.05, 0.1
+_CAPACITY_STD, _RESISTANCE_STD, _OVERPOTENTIAL_STD = 0.01, 0.05, 0.1
 #: Share of the axis error of the chemistry's curves that is left where only the curve has shown the charge: a log
 #: cannot see a shift of the axis then.
 _UNANCHORED_SHARE = 0.5
@@ -260,7 +260,7 @@ def _share(noise: BatteryNoise, p: Unknowns, std: np.ndarray) -> float | tuple[f
     """Relative error of the overpotential, from the remaining errors of the resistances and the floor."""
     shape = np.square(std[p.places("ohmic", "pair")]).mean()
     before = np.asarray(noise.overpotential_share)
-    found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
+    found = np.minimum(np.maximum(before, 0.0), np.hypot(_OVERPOTENTIAL_STD, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)
 
 

@@ -18,7 +18,7 @@ from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, 
 
 #: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis falls to this share of it
 #: there, and to no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.
-_FULL_SHARE, _FULL_STD = 1.0 / 3.0, 0.01
+_FULL_SHARE, _MOST_FULL_STD = 1.0 / 3.0, 0.01
 #: SoC from which an error of the axis falls towards full, local share of its variance, and correlation length of that:
 #: cells differ near full; from 1 to 0.95 the curves of four NMC cells fall by 14 to 52 mV more than the chemistry's.
 _FULL_FROM, _LOCAL_SHARE, _LOCAL_LENGTH = 0.95, 0.5, 0.1
@@ -169,7 +169,7 @@ class _Prior(NamedTuple):
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
         curve = np.outer(std_V, std_V) * correlation(OCV_KNOTS, self.noise.model_soc_length)
         whole_std = self.noise.soc_axis_std
-        full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _FULL_STD)
+        full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _MOST_FULL_STD)
         axis_std = np.interp(OCV_KNOTS, [_FULL_FROM, 1.0], [whole_std, full_std])
         axis_V = axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
         whole, local = (correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))

@@ -46,7 +46,7 @@ _MOVED = 4.0
 #: Misfit of a log whose voltage does not follow from its current. It is 1.0 to 1.6 in good logs of these batteries, 6
 #: in one at 0 degC that follows one at -10 degC, and 15 to 1300 where a sensor was dead for hours, has lost the sign,
 #: or does not see the charger. From a label, whose wide prior fits any good log, a smaller one is suspect.
-_UNEXPLAINED, _MISFITS = 12.0, 3.0
+_UNEXPLAINED_MISFIT, _MISFITS = 12.0, 3.0
 
 
 def forgotten(battery: Battery) -> Battery:
@@ -74,7 +74,7 @@ def is_label(battery: Battery) -> bool:
 
 def unexplained(found: LogUpdate) -> str:
     """Contradiction of a log with itself: its voltage does not follow from its current; "" for none."""
-    if not found.misfit > _UNEXPLAINED:
+    if not found.misfit > _UNEXPLAINED_MISFIT:
         return ""
     expected_V = found.residual_rms_V / math.sqrt(found.misfit)
     return (

@@ -37,7 +37,7 @@ _MOST_UNKNOWN = 0.5
 _PATH_STEPS = 20
 #: Shortest rest, length of the pieces of a longer one [s], and largest change of its current from step to step, in
 #: standard deviations of the noise.
-_REST_S, _PIECE_S, _STEP_SIGMAS = 20.0, 600.0, 5.0
+_OFFSET_REST_S, _PIECE_S, _STEP_SIGMAS = 20.0, 600.0, 5.0
 #: Smallest standard deviation of SoC for which that is done.
 _LEAST_PATH = 1e-3
 
@@ -239,7 +239,7 @@ def _pieces(
     pieces = max(1, int((time_s[stop - 1] - time_s[first]) / _PIECE_S))
     for piece in np.array_split(np.arange(first, stop), pieces):
         earlier, later = np.array_split(excess_A[piece], 2)
-        if not later.size or time_s[piece[-1]] - time_s[piece[0]] < _REST_S:
+        if not later.size or time_s[piece[-1]] - time_s[piece[0]] < _OFFSET_REST_S:
             continue
         # the taper at the end of a charge is as small, but it falls
         by_chance_A = sensor.noise_std_A * max(1.0, 3.0 * np.sqrt(2.0 / later.size))

@@ -31,7 +31,7 @@ _MOST_STEPS = 10
 #: before they are learnt.
 _LARGEST_SHARE = 0.1
 #: Rounds in which the misfit is found, and factor by which it may still grow.
-_ROUNDS, _SAME_MISFIT = 2, 1.05
+_MISFIT_ROUNDS, _SAME_MISFIT = 2, 1.05
 #: Share of the rows that a sensor may have spoilt.
 _GLITCHES = 0.05
 #: Smallest error of the offset that a rest shows [A].
@@ -94,7 +94,7 @@ def solve(
         return there
 
     factor = misfit or 1.0
-    for _ in range(_ROUNDS if misfit is None else 1):
+    for _ in range(_MISFIT_ROUNDS if misfit is None else 1):
         x, there = gauss_newton(partial(part.about, misfit=factor), density, x, most_steps, minimum)
         found = misfit_of(there.residual_V, there.variance_V2)
         if misfit is not None or found <= _SAME_MISFIT * factor:
@@ -164,7 +164,7 @@ class _PartProblem:
 
 #: Steps of the grid to either side: the first in standard deviations at the mode, factor from one to the next, largest
 #: number, and rise of -2 ln of the density above its minimum at which they end.
-_FIRST, _LONGER, _MOST, _FAR = 0.8, 1.5, 7, 12.0
+_FIRST_STEP_STDS, _STEP_FACTOR, _MOST_GRID_STEPS, _END_RISE = 0.8, 1.5, 7, 12.0
 #: A part reaches a new stretch of the curve where it goes this far below all others, beyond the error of its SoC.
 _DEEPER = 0.01
 #: An anchor below this SoC is a cut-off, not a full charge.
@@ -174,9 +174,9 @@ _HALF = 0.5
 #: without a rise is the same mode, whose top the search has not quite reached.
 _HIGHER, _BARRIER = 3.0, 0.5
 #: Smallest first step, and steps of the search at each point.
-_LEAST_STEP, _STEPS = 0.002, 4
+_LEAST_STEP, _SEARCH_STEPS = 0.002, 4
 #: Largest spacing of the rows that are used, and fewest rows.
-_COARSE, _ROWS = 10, 300
+_COARSE, _MARGINAL_ROWS = 10, 300
 
 
 def capacity_marginal(
@@ -187,7 +187,7 @@ def capacity_marginal(
     Some rows are enough for a log that has one mode. Where they show another one, all rows are used for a log that
     counts the charge between full charges and cut-offs more than once; any other log does not give the capacity.
     """
-    some = max(1, min(_COARSE, model.rows.size // _ROWS))
+    some = max(1, min(_COARSE, model.rows.size // _MARGINAL_ROWS))
     cut_offs = sum(a.soc < _HALF for a in anchors)
     counted = min(cut_offs, len(anchors) - cut_offs) > 1
     for every in (some, 1) if counted else (some,):
@@ -200,19 +200,19 @@ def capacity_marginal(
 def _scan(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
     """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest mode."""
     q = model.parameters.group("capacity").start
-    step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
+    step = max(_FIRST_STEP_STDS * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
     x, cost = _profile(model, prior, anchors, found.x, float(found.x[q]), found.misfit)
     points = {float(found.x[q]): cost}
     for side in (1.0, -1.0):
         value, width, here = float(found.x[q]), step, x
-        for _ in range(_MOST):
+        for _ in range(_MOST_GRID_STEPS):
             value += side * width
             here, there = _profile(model, prior, anchors, here, value, found.misfit)
             if there < cost - _HIGHER and max(points.values()) > cost + _BARRIER:
                 return {}
             points[value] = there
-            width *= _LONGER
-            if there > min(points.values()) + _FAR:
+            width *= _STEP_FACTOR
+            if there > min(points.values()) + _END_RISE:
                 break
     return points
 
@@ -222,7 +222,7 @@ def _profile(
 ) -> tuple[np.ndarray, float]:
     """The most likely unknowns at a capacity, and -2 ln of its marginal density up to a constant."""
     q = model.parameters.group("capacity").start
-    there = solve(model, prior, anchors, start, _STEPS, {q: value}, misfit)
+    there = solve(model, prior, anchors, start, _SEARCH_STEPS, {q: value}, misfit)
     others = np.delete(np.arange(start.size), q)
     return there.x, there.cost + float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
 
@@ -262,7 +262,7 @@ def with_marginal(
 ) -> Solution:
     """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
     q = model.parameters.group("capacity").start
-    there = solve(model, prior, anchors, found.x, _STEPS, {q: marginal.mean})
+    there = solve(model, prior, anchors, found.x, _SEARCH_STEPS, {q: marginal.mean})
     return _with_variance(there, q, marginal.std**2)
 
 

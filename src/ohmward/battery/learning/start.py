@@ -97,16 +97,16 @@ _MOSTLY_SEEN = 0.5
 _GRID = np.linspace(0.0, 1.0, 41)
 _MOST_STARTS = 4
 #: Number of rows that are used.
-_ROWS = 400
+_COARSE_ROWS = 400
 #: Difference of -2 ln p from the highest mode beyond which another one is ignored.
 _CLEAR = 60.0
 #: Step of SoC for the slope of the curve, width of the bounds of SoC, and smallest variance of the curve [V^2].
-_HALF_STEP, _BOUND_STD, _LEAST_V2 = 0.005, 0.05, 1e-12
+_SLOPE_STEP, _BOUND_WIDTH, _LEAST_CURVE_V2 = 0.005, 0.05, 1e-12
 
 
 def likely_starts(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -> list[float]:
     """States of charge at the start, the most likely first, with all other unknowns as in x (n,)."""
-    rows = model.rows[:: max(1, model.rows.size // _ROWS)]
+    rows = model.rows[:: max(1, model.rows.size // _COARSE_ROWS)]
     coarse = VoltageModel(model.battery, model.samples, rows)
     costs = _costs(coarse, x, anchors)
     lower_than_before = np.concatenate([[True], costs[1:] <= costs[:-1]])
@@ -126,14 +126,14 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
     noise, ocv, degC = model.battery.noise, model.model.ocv, model.samples.temperature_degC[model.rows]
     over_V = p.voltage_V - np.asarray(ocv.mean_V(p.soc, degC))
     group = model.parameters.group("ocv")
-    prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_V2 * np.eye(OCV_KNOTS.size))
+    prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_CURVE_V2 * np.eye(OCV_KNOTS.size))
     share = model.share_at(p.soc) + noise.resistance_std
     counts = min(1.0, model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s) / max(p.soc.size, 1))
     costs, everywhere_soc = [], p.charge.soc
     for start in _GRID:
         soc, everywhere = p.soc + (start - x[place]), everywhere_soc + (start - x[place])
         curve_V = np.asarray(ocv.mean_V(soc, degC))
-        slope_V = (np.asarray(ocv.mean_V(soc + _HALF_STEP, degC)) - curve_V) / _HALF_STEP
+        slope_V = (np.asarray(ocv.mean_V(soc + _SLOPE_STEP, degC)) - curve_V) / _SLOPE_STEP
         residual_V = model.samples.voltage_V[model.rows] - over_V - curve_V
         weight = counts / (noise.voltage_std_V**2 + (noise.soc_axis_std * slope_V) ** 2 + share**2 * p.over_V2)
         # an error of the curve is free to follow its prior: the part of the residual that it explains is taken out
@@ -142,7 +142,7 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
         explained = g @ np.linalg.solve(prior + columns.T @ (weight[:, None] * columns), g)
         beyond = max(float(everywhere.max()) - 1.0, -float(everywhere.min()), 0.0)
         of_anchors = sum(((everywhere[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
-        costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_STD) ** 2 + of_anchors)
+        costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_WIDTH) ** 2 + of_anchors)
     return np.array(costs)
 
 

@@ -201,7 +201,7 @@ NOISE_SHARE = 0.002
 #: An offset of more standard deviations is not credible: something else is wrong.
 MOST_OFFSET = 3.0
 #: A smaller difference of two offsets is rounding.
-_LEAST_OFFSET_A = 1e-9
+_ROUNDING_A = 1e-9
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ class CurrentSensor:
     @property
     def offset_after_a_day_std_A(self) -> float:
         """Error of `offset_A` after a day of its random walk; never 0."""
-        return max(math.sqrt(self.offset_std_A**2 + self.offset_walk_variance(DAY_S)), _LEAST_OFFSET_A)
+        return max(math.sqrt(self.offset_std_A**2 + self.offset_walk_variance(DAY_S)), _ROUNDING_A)
 
     def contradicts(self, offset_A: Scalar) -> Any:
         """True where this sensor cannot have such an offset."""

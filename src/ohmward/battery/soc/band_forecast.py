@@ -26,7 +26,7 @@ START_SOC, END_SOC = 0.9, 0.3
 FORECAST_LOAD_C = 0.25
 REST_S = 600.0
 #: Time between two samples, and time for which one load lasts [s].
-STEP_S, LOAD_S = 10.0, 60.0
+FORECAST_STEP_S, LOAD_S = 10.0, 60.0
 #: Loads of a day in multiples of the mean load, in turn: standing, driving, climbing, driving on.
 LOADS = (0.2, 1.0, 2.0, 0.8)
 #: The band counts from here on [s]: an unknown start needs its first rests.
@@ -116,15 +116,15 @@ def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc:
 def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:
     """Samples (T,) of the day, without their voltage."""
     drawn_s = (START_SOC - END_SOC) / FORECAST_LOAD_C * 3600.0
-    count = int(drawn_s * 3600.0 / (3600.0 - REST_S) / STEP_S)
-    time_s = STEP_S * np.arange(1, count + 1)
+    count = int(drawn_s * 3600.0 / (3600.0 - REST_S) / FORECAST_STEP_S)
+    time_s = FORECAST_STEP_S * np.arange(1, count + 1)
     loads = np.array(LOADS)[(time_s / LOAD_S).astype(int) % len(LOADS)] / np.mean(LOADS)
     idle_A = settings.idle_current_A or 0.0
     current_A = np.where(
         time_s % 3600.0 < 3600.0 - REST_S, -FORECAST_LOAD_C * settings.model.capacity_Ah * loads, idle_A
     )
     nothing = np.full(count, np.nan)
-    return SocSample(np.full(count, STEP_S), current_A, nothing, np.full(count, temperature_degC))
+    return SocSample(np.full(count, FORECAST_STEP_S), current_A, nothing, np.full(count, temperature_degC))
 
 
 #: A test that narrows the bands by less than this share is not worth its time.

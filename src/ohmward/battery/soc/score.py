@@ -19,7 +19,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
 
 #: An unknown start is found within the first hour or not at all.
-SETTLE_S = 3600.0
+FIRST_HOUR_S = 3600.0
 
 #: An error of more standard deviations is a confident wrong answer; 0.006 % of a normal distribution.
 CONFIDENTLY_WRONG = 4.0
@@ -108,7 +108,7 @@ def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> di
 
     truth: (T,) reference, nan where there is none; without one every figure is None.
     """
-    parts = {"": slice(None), "_after_1h": log.time_s >= log.time_s[0] + SETTLE_S}
+    parts = {"": slice(None), "_after_1h": log.time_s >= log.time_s[0] + FIRST_HOUR_S}
     figures: dict[str, float | None] = {}
     for suffix, part in parts.items():
         found = None if truth is None else score(estimates.soc[part], truth[part], estimates.soc_std[part])

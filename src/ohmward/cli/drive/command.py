@@ -164,7 +164,7 @@ def _single_keys() -> Iterator[None]:
 #: Number of key presses from 0 to the limit of a set-point.
 _PRESSES = 10
 #: Change of the slip bound by one key press.
-_SLIP = 0.01
+_SLIP_STEP = 0.01
 _SMALLEST_SLIP = 0.01
 
 HELP = """\
@@ -205,7 +205,8 @@ def pressed(key: str, command: OperatorCommand, limits: Mapping[str, float]) -> 
             step = turn / _PRESSES if key == "j" else -turn / _PRESSES
             return command._replace(yaw_rate_rad_s=_moved(command.yaw_rate_rad_s, step, turn))
         case "+" | "-":
-            slip = min(max(command.slip_bound + (_SLIP if key == "+" else -_SLIP), _SMALLEST_SLIP), limits["slip"])
+            wanted = command.slip_bound + (_SLIP_STEP if key == "+" else -_SLIP_STEP)
+            slip = min(max(wanted, _SMALLEST_SLIP), limits["slip"])
             return command._replace(slip_bound=slip, slip_ratio=slip if command.slip_ratio else 0.0)
         case "m":
             return command._replace(slip_ratio=0.0 if command.slip_ratio else command.slip_bound)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.part import LOG
+from ohmward.onboard.part import FIRST_WAIT_S, LOG, LONGEST_WAIT_S
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.store.rows import Row, RowMaker
 
@@ -104,9 +104,6 @@ MOST_WAITING = 1_000_000
 #: Time between two looks into the feed, so that commits are few.
 GATHER_S = 0.5
 
-#: Pauses after a failure [s]: doubled each time.
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
-
 #: Sends rows to the server and returns once it has confirmed them; raises OhmwardError if it has not.
 Send = Callable[[Sequence[Row]], None]
 
@@ -150,7 +147,7 @@ async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotSt
                 feed.put_back(states)
                 raise
             refused, feed.trouble = True, str(error)
-            await asyncio.sleep(FIRST_PAUSE_S)
+            await asyncio.sleep(FIRST_WAIT_S)
 
 
 async def done_in_thread(work: Callable[[], None]) -> None:
@@ -165,18 +162,18 @@ async def done_in_thread(work: Callable[[], None]) -> None:
 
 async def _send_all(spool: Spool, send: Send, feed: Feed) -> None:
     """Send waiting rows, for ever; a server that is away is retried after a pause."""
-    pause_s = FIRST_PAUSE_S
+    pause_s = FIRST_WAIT_S
     while True:
         if not spool.waiting:
             await asyncio.sleep(GATHER_S)
             continue
         try:
             await asyncio.to_thread(send_batch, spool, send)
-            pause_s, feed.trouble = FIRST_PAUSE_S, ""
+            pause_s, feed.trouble = FIRST_WAIT_S, ""
         except Exception as error:
             feed.trouble = f"rows wait on the disk: {error}"
             await asyncio.sleep(pause_s)
-            pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
+            pause_s = min(2.0 * pause_s, LONGEST_WAIT_S)
 
 
 def _send_rest(spool: Spool, send: Send) -> None:

@@ -51,7 +51,7 @@ _ZEROS = (literal(0.0), literal(False))
 _WORTH_MEMSET = 8
 
 #: Width of tables and comments, and of the longest formula that is written inside another one.
-_WIDTH, _LONGEST = 110, 60
+_LINE_WIDTH, _LONGEST_INLINE = 110, 60
 
 #: Clang fuses a product and a sum of one expression unless this forbids it; GCC does not know the pragma.
 _NO_CONTRACTION = ("#if defined(__clang__)", "#pragma STDC FP_CONTRACT OFF", "#endif", "")
@@ -320,7 +320,7 @@ def _holds(array: tuple[float, ...], table: tuple[float, ...]) -> bool:
 
 def _comment(text: str) -> list[str]:
     """Lines of a comment."""
-    return textwrap.wrap(f"/* {comment_text(text)} */", _WIDTH, subsequent_indent="   ")
+    return textwrap.wrap(f"/* {comment_text(text)} */", _LINE_WIDTH, subsequent_indent="   ")
 
 
 class _CWriter:
@@ -357,7 +357,7 @@ class _CWriter:
         """Write a value: inside its only use if it is short and has no name or is an output, else on a line."""
         formula = self.formula(node)
         name = self.origins.name(node.serial) if self.origins else ""
-        if only_once and (is_output or not name) and len(formula.text) <= _LONGEST:
+        if only_once and (is_output or not name) and len(formula.text) <= _LONGEST_INLINE:
             self.formulas[node.serial] = formula
         else:
             self.explain(node)
@@ -455,7 +455,7 @@ class _CWriter:
             users = [word for table, words in self.users.items() if _holds(values, table) for word in words]
             yield from _comment(", ".join(dict.fromkeys(users))) if users else ()
             yield f"static const {kind} {name}[{len(values)}] = {{"
-            yield from textwrap.wrap(", ".join(texts), _WIDTH, initial_indent="    ", subsequent_indent="    ")
+            yield from textwrap.wrap(", ".join(texts), _LINE_WIDTH, initial_indent="    ", subsequent_indent="    ")
             yield "};"
         if self.tables:
             yield ""

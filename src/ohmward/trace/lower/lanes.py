@@ -15,7 +15,7 @@ from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, 
 
 #: Number of lanes that run together: the overhead of a NumPy call equals its work on 1000 to 2000 lanes, and the
 #: registers of a seven-state filter with 4096 lanes take 3 MB of the cache.
-BLOCK = 4096
+BLOCK_LANES = 4096
 #: Steps between two reports of progress.
 _REPORTED_STEPS = 4096
 
@@ -30,10 +30,10 @@ def run(
     """Run every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
     batch = make_batch(structure, state, samples)
     final = [np.empty(batch.width, r.dtype) for r in batch.rows]
-    starts = range(0, batch.width, BLOCK)
+    starts = range(0, batch.width, BLOCK_LANES)
     report = reporter(progress, batch.steps * len(starts))
     for start in starts:
-        part = slice(start, min(start + BLOCK, batch.width))
+        part = slice(start, min(start + BLOCK_LANES, batch.width))
         _run_block(lanes, batch, final, part, report)
     return state_tree(structure.state, final, batch.width), unflatten(structure.output, iter(batch.outputs))
 

@@ -20,7 +20,7 @@ from ohmward.trace.program import Program
 from ohmward.trace.structure import Branch, Structure, size
 
 #: Largest number of rounds in which operations without counterparts are set apart.
-_ROUNDS = 10
+_MOST_ROUNDS = 10
 #: One value of each member: nodes, inputs or constants.
 Pack = tuple[Any, ...]
 #: Key of a pack, made of its values.
@@ -180,7 +180,7 @@ class _Forms:
         self.program, self._inputs = program, inputs
         self._shared: set[int] = set()
         self._forget()
-        for _ in range(_ROUNDS if inputs else 0):
+        for _ in range(_MOST_ROUNDS if inputs else 0):
             self._take_up_all()
             alone = self._alone()
             if not alone:

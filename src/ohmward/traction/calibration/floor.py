@@ -41,11 +41,11 @@ from ohmward.traction.terrain.floor import (
 _PRIOR = np.array([np.log(FRICTION), np.log(STIFFNESS), 0.0, 0.0, 0.0])
 _PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD, ACROSS_STD, SIDE_STD, SPEED_POWER_STD])
 #: Gauss-Newton steps, damping of the first, step of the numerical derivative, and least sigma of the residuals.
-_STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
+_GAUSS_NEWTON_STEPS, _DAMPING, _NUDGE, _LEAST_RESIDUAL_STD = 30, 1e-3, 1e-4, 1e-9
 #: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
 #: Largest size of k and p.
-_MOST = 0.9
+_MOST_SHAPE = 0.9
 _COASTING_S = 0.3
 #: Standard deviation of a value that is held, because the fit would leave its range.
 _HELD_STD = 1e-6
@@ -96,7 +96,7 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
     law = fit_law(at)
     drag = fit_drag(cut(drives, robot, length_s=_COASTING_S), robot)
     friction, stiffness, across = np.exp(law.values[:3]).tolist()
-    side, power = np.clip(law.values[3:], -_MOST, _MOST).tolist()
+    side, power = np.clip(law.values[3:], -_MOST_SHAPE, _MOST_SHAPE).tolist()
     std = np.sqrt(np.diag(law.cov)).tolist()
     return Floor(
         name,
@@ -173,12 +173,12 @@ def fit_law(p: Points) -> FloorFit:
 def _fit(p: Points, prior_std: np.ndarray) -> FloorFit:
     slip, P0_inv = p.slip_ratio.ravel(), np.diag(prior_std**-2)
     values, damping = _PRIOR, _DAMPING
-    std = max(float(np.std(slip - _slip(values, p))), _LEAST_STD)
+    std = max(float(np.std(slip - _slip(values, p))), _LEAST_RESIDUAL_STD)
 
     def loss(at: np.ndarray) -> float:
         return float(np.sum(((slip - _slip(at, p)) / std) ** 2) + np.sum(((at - _PRIOR) / prior_std) ** 2))
 
-    for _ in range(_STEPS):
+    for _ in range(_GAUSS_NEWTON_STEPS):
         residual, J = slip - _slip(values, p), _jacobian(values, p)
         H = J.T @ J / std**2 + P0_inv
         gradient = J.T @ residual / std**2 + P0_inv @ (_PRIOR - values)
@@ -188,7 +188,7 @@ def _fit(p: Points, prior_std: np.ndarray) -> FloorFit:
             damping = damping / 4
         else:
             damping = damping * 8
-        std = max(float(np.sqrt(np.mean((slip - _slip(values, p)) ** 2))), _LEAST_STD)
+        std = max(float(np.sqrt(np.mean((slip - _slip(values, p)) ** 2))), _LEAST_RESIDUAL_STD)
     residual, J = slip - _slip(values, p), _jacobian(values, p)
     H_inv = np.linalg.inv(J.T @ J / std**2 + P0_inv)
     wheels = p.force_share.shape[1]

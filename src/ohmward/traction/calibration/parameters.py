@@ -207,7 +207,7 @@ def calibrate_track(
 
 #: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.
 ROLLING = (0.02, 0.02)
-_KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
+_KAPPA_STD, _ROLLER_STD, _LOSS_STD_SHARE = 0.5, 0.2, 1.0
 CONSTANT = "motor.torque_constant_Nm_per_A"
 _UNSTEADY_S = 0.5
 #: Columns of the fit.
@@ -286,7 +286,7 @@ def rows(s: Stretches, robot: Robot) -> RegressionRow:
 
 def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
-    torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
+    torque_Nm = _LOSS_STD_SHARE * float(np.mean(np.abs(row.torque_Nm)))
     fastest = float(np.abs(row.columns[:, DAMPING]).max())
     roller_std = _ROLLER_STD if robot.chassis.rollers else _HELD
     motor = robot.motor

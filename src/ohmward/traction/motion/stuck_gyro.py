@@ -27,15 +27,15 @@ from ohmward.traction.motion.sample import (
 from ohmward.traction.robot.robot import Robot
 
 #: Time [s] for which the wheels must turn the robot by another rate than at the start before a gyro that repeats a
-#: number, or 0, is stuck; and fewest repetitions.
-REPEATS_S, REPEATS_AT_ZERO_S, FEWEST = 1.0, 10.0, 20
+#: number, or 0, is stuck; and fewest values that repeat it.
+REPEATS_S, REPEATS_AT_ZERO_S, FEWEST_VALUES = 1.0, 10.0, 20
 
 #: Time constant [s] of the wheels' average yaw rate, time [s] in which it settles, and its smallest change [rad/s] that
 #: a gyro must show.
 AVERAGED_S, SETTLED_S, TURNS_RAD_S = 0.5, 2.5, 0.05
 
 #: Time [s] and number of values from which wheels that change their turn are not compared with a gyro that does not.
-COMPARED_S, COMPARED = 0.25, 3
+COMPARABLE_S, COMPARABLE = 0.25, 3
 
 #: Yaw rate [rad/s] that no sensor shows, before its first value.
 NO_RATE = 1e9
@@ -61,12 +61,12 @@ class GyroWatch(NamedTuple):
     @property
     def comparable(self) -> Scalar:
         """The condition that wheels may be compared with the gyro."""
-        return (self.repeated < COMPARED) | (self.varied < COMPARED) | (self.time_s < COMPARED_S)
+        return (self.repeated < COMPARABLE) | (self.varied < COMPARABLE) | (self.time_s < COMPARABLE_S)
 
     @property
     def suspected(self) -> Scalar:
         """The condition that the gyro may be stuck."""
-        return (self.repeated >= FEWEST) & (self.apart_s > REPEATS_S)
+        return (self.repeated >= FEWEST_VALUES) & (self.apart_s > REPEATS_S)
 
     @property
     def stuck(self) -> Scalar:

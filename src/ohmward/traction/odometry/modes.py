@@ -58,7 +58,7 @@ UNEXPLAINED = 9.0
 LEAST_CHANGE_M_S = 1e-4
 
 #: Sigmas of the rolling wheels' speed by which rims may exceed the change that friction allows.
-COUNTED = 4.0
+LOOSE_SIGMAS = 4.0
 
 
 class ModeState(NamedTuple):
@@ -162,7 +162,7 @@ def weigh(
     probability = where(judged, likely / likely.sum(), where(forgets, chain, before.probability))
     follows = 1.0 - exp(-since_s / BEFORE_S)
     # No wheel on the ground changes a robot's speed faster: the friction of rubber is 1.
-    most_m_s, loose_m_s = GRAVITY * since_s, COUNTED * sqrt(speed_variance)
+    most_m_s, loose_m_s = GRAVITY * since_s, LOOSE_SIGMAS * sqrt(speed_variance)
     wide_m_s = most_m_s + loose_m_s
     # Each mode changes the previous speed only as far as friction can.
     possible = clip(speeds, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)

@@ -142,14 +142,14 @@ def usual_step_s(log: DriveLog) -> float:
 
 #: Smallest yaw rate [rad/s, root mean square], and smallest correlation of it with the difference of the sides, from
 #: which the track is found: the wheels of a robot that slides sideways say little about its turns.
-YAWS_RAD_S, TOGETHER = 0.1, 0.9
+YAWS_RAD_S, LEAST_CORRELATION = 0.1, 0.9
 
 
 #: Window [s] over which speeds change by more than the noise of encoders.
 WINDOW_S = 0.3
 
 #: Speed [rad/s] from which a wheel turns.
-TURNS_RAD_S = 0.2
+WHEEL_TURNS_RAD_S = 0.2
 
 #: Fewest samples from which a disturbance is found.
 _FEWEST_FOR_DISTURBANCE = 20
@@ -388,7 +388,7 @@ def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
     if power <= YAWS_RAD_S**2 * max(known.sum(), 1):
         return robot
     together = float(sides_m_s @ gyro)
-    if together < TOGETHER * np.sqrt(power * float(sides_m_s @ sides_m_s)):
+    if together < LEAST_CORRELATION * np.sqrt(power * float(sides_m_s @ sides_m_s)):
         return robot
     return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
 
@@ -405,7 +405,7 @@ def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     rows = np.isfinite(speed).all(axis=1) & np.isfinite(current).all(axis=1)
     time_s, speed, torque = log.time_s[rows], speed[rows], wheel_torque(robot.motor, current[rows], speed[rows])
     half = max(1, round(0.5 * WINDOW_S / float(np.median(np.diff(time_s))))) if time_s.size > 1 else 1
-    moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
+    moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > WHEEL_TURNS_RAD_S
     if time_s.size < _FEWEST_FOR_DISTURBANCE + 2 * half or moving.sum() < _FEWEST_FOR_DISTURBANCE:
         return 0.0
     wheel_rate = (speed[2 * half :] - speed[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]

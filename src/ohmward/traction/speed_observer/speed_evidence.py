@@ -66,7 +66,7 @@ from ohmward.traction.speed_observer.slip_step import step_without_traction, tra
 MEMORY_S = 1.0
 
 #: Squared distance from which grip is unusual, and by which slide may be farther off than grip.
-UNUSUAL, MARGIN = 5.0, 2.0
+UNUSUAL, GRIP_MARGIN = 5.0, 2.0
 
 #: A slope counts as learnt once its standard deviation is below this share of its first one.
 LEARNT_SHARE = 0.5
@@ -76,7 +76,7 @@ LEARNT = ("log_friction", "log_stiffness", "grade_rad", "rolling_excess")
 
 #: Slip [m/s] at which any ground gives its full traction; relative sigma of a sliding wheel's friction; least friction
 #: ratio.
-SLIDING_M_S, FRICTION_STD, LEAST_RATIO = 1.0, 0.1, 1e-3
+SLIDING_M_S, SLIDING_FRICTION_STD, LEAST_RATIO = 1.0, 0.1, 1e-3
 
 #: Prevents a division by zero on a ground that gives no force [N^2].
 _TINY_N2 = 1e-12
@@ -114,7 +114,7 @@ def with_gross_slip(judged: Judgement, clean: CleanSample, model: Model, gate: f
     log_friction = log_friction_of_sliding(belief, unexplained_m_s, model)
     grip = squared_mahalanobis(belief, model)
     slide = (log_friction / model.noise.friction_std) ** 2
-    likelier = (grip > UNUSUAL) & (grip + MARGIN > slide) & (slide < gate)
+    likelier = (grip > UNUSUAL) & (grip + GRIP_MARGIN > slide) & (slide < gate)
     driven = is_driven(belief, unexplained_m_s, clean, model)
     gross_slip = every([likelier, slope_unlearnt(belief, model), driven])
     restarted = sliding(belief, log_friction, unexplained_m_s, model)
@@ -161,7 +161,7 @@ def sliding(belief: Belief, log_friction: Scalar, unexplained_m_s: Scalar, model
     mean[0] = mean[0] - unexplained_m_s
     mean[friction] = log_friction
     variances[0] = variances[0] + (0.5 * unexplained_m_s) ** 2
-    variances[friction] = FRICTION_STD**2
+    variances[friction] = SLIDING_FRICTION_STD**2
     return Belief(mean, np.diag(variances))
 
 
@@ -171,7 +171,7 @@ HIGH_PASS_S = 0.1
 
 #: Time constant [s] with which evidence is forgotten, largest evidence of one sample, and mean over that time from
 #: which it counts.
-EVIDENCE_S, MOST_EVIDENCE, ENOUGH = 0.15, 5.0, 3.0
+EVIDENCE_MEMORY_S, MOST_EVIDENCE, ENOUGH = 0.15, 5.0, 3.0
 
 #: Standard deviations of U [m/s]: of wheels that grip, by edges of slopes and by creep, and of wheels that slide, by
 #: the noise of encoders and currents and by a friction that changes with the slip, a share of I/M_s.
@@ -182,7 +182,7 @@ USUAL = 1.0
 
 #: Standard deviation of the acceleration of a sliding robot, over that by the slope, and the time [s] for which it may
 #: have been sliding before the evidence of grip is forgotten.
-OPENS, BEFORE_S = 1.1, 0.8
+OPENS, SLID_BEFORE_S = 1.1, 0.8
 
 #: Time [s] for which a measurement of the speed, or of the pitch, counts; then the speed is unobserved.
 SEEN_S = 0.5
@@ -193,7 +193,7 @@ GRIP_SHARE = 0.7
 
 #: Time constant [s] with which a jump of the speed is forgotten, and the smallest one [m/s] that no slope causes in it:
 #: it takes 2 m/s^2, as on 0.2 rad. The last one is added to it, in standard deviations of the speed before.
-JUMP_S, JUMP_M_S, JUMP_SIGMAS = 0.15, 0.3, 2.0
+JUMP_MEMORY_S, JUMP_M_S, JUMP_SIGMAS = 0.15, 0.3, 2.0
 
 #: Standard deviation of the speed of wheels that are seen to slide, over the unexplained change until then.
 LAGS = 2.0
@@ -280,7 +280,7 @@ def gathered(
     unobserved_s = where(some([body.observable, clean.resting]), 0.0, evidence.body_unobserved_s + clean.dt_s)
     seen = some([unobserved_s < SEEN_S, grips(evidence)])
     rate_m_s2 = opening_m_s2(evidence, model)
-    opened = maximum(evidence.open_m_s, BEFORE_S * rate_m_s2) + rate_m_s2 * clean.dt_s
+    opened = maximum(evidence.open_m_s, SLID_BEFORE_S * rate_m_s2) + rate_m_s2 * clean.dt_s
     closing = exp(-clean.dt_s / MEMORY_S) * evidence.open_m_s
     suspicious = abs(evidence.unexplained_m_s) > usual_m_s(evidence, before, clean, model)
     open_m_s = where(seen, 0.0, where(suspicious, opened, closing))
@@ -347,7 +347,7 @@ def opening_m_s2(evidence: SpeedEvidence, model: Model) -> Scalar:
 
 def grips(evidence: SpeedEvidence) -> Scalar:
     """The condition that the wheels have recently shown that they carry the robot."""
-    return evidence.evidence_s > ENOUGH * EVIDENCE_S
+    return evidence.evidence_s > ENOUGH * EVIDENCE_MEMORY_S
 
 
 def with_evidence(evidence: SpeedEvidence, belief: Belief, clean: CleanSample, model: Model) -> SpeedEvidence:
@@ -373,7 +373,7 @@ def with_evidence(evidence: SpeedEvidence, belief: Belief, clean: CleanSample, m
     L = 0.5 * ((U - slide_m_s) ** 2 / slide_variance - (U - grip_m_s) ** 2 / GRIP_M_S**2)
     known = every([*clean.current_measured, rim_age_s < HIGH_PASS_S])
     counted = where(known, clip(L, -MOST_EVIDENCE, MOST_EVIDENCE), 0.0)
-    evidence_s = exp(-clean.dt_s / EVIDENCE_S) * evidence.evidence_s + clean.modelled_s * counted
+    evidence_s = exp(-clean.dt_s / EVIDENCE_MEMORY_S) * evidence.evidence_s + clean.modelled_s * counted
     return evidence._replace(
         rim_m_s=rim_m_s,
         rim_age_s=rim_age_s,
@@ -395,7 +395,7 @@ def with_unexplained(
     change_m_s = after.mean[0] - before.mean[0] - explained_m_s
     by_wheels_m_s = wheels.mean[0] - before.mean[0] - explained_m_s
     known = every([*clean.current_measured, clean.unmodelled_s <= 0.0, clean.modelled_s > 0.0])
-    soon = exp(-clean.dt_s / JUMP_S)
+    soon = exp(-clean.dt_s / JUMP_MEMORY_S)
     return evidence._replace(
         unexplained_m_s=where(known, exp(-clean.dt_s / MEMORY_S) * evidence.unexplained_m_s + change_m_s, 0.0),
         jump_m_s=where(known, soon * evidence.jump_m_s + by_wheels_m_s, 0.0),

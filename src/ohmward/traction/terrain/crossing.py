@@ -35,11 +35,11 @@ from ohmward.traction.terrain.floor import Floor, drag_columns, mean_load, trave
 SAME_DRAG = 0.02
 #: Share of the difference between two floors that counts: a floor varies from place to place, and a wheel may stand on
 #: both.
-COUNTS = 0.7
+DIFFERENCE_SHARE = 0.7
 #: A motion that differs from that at the start of the test by more than this share of it restarts the test.
 _OTHER_MOTION = 0.3
 #: Longest time [s] that mu is the mean over, and time that its first value counts for.
-MEMORY_S, _FIRST_S = 3.0, 0.3
+MU_MEMORY_S, _FIRST_VALUE_S = 3.0, 0.3
 #: Shortest correlation time of the ripple [s]: that of the force filter.
 _SHORTEST_RIPPLE_S = 0.1
 #: Least change of a drag that counts, share of the load.
@@ -143,7 +143,7 @@ class CrossingTest:
         exceeds = [g > h for row in sums for g, h in zip(row, threshold, strict=True)]
         alarm = logical_not(settling) & some(exceeds)
 
-        first_share = minimum(0.5 * sample.dt_s / _FIRST_S, 1.0)
+        first_share = minimum(0.5 * sample.dt_s / _FIRST_VALUE_S, 1.0)
         share = where(settling, first_share, minimum(sample.dt_s / memory(tested_s), 1.0))
         after = CrossingState(
             sums=where(settling | alarm, 0.0, sums),
@@ -203,7 +203,7 @@ def is_other_motion(motion: np.ndarray, tested: np.ndarray) -> Scalar:
 
 def memory(tested_s: Scalar) -> Scalar:
     """Time [s] over which mu is the mean."""
-    return minimum(maximum(tested_s, 0.0), MEMORY_S) + _FIRST_S
+    return minimum(maximum(tested_s, 0.0), MU_MEMORY_S) + _FIRST_VALUE_S
 
 
 def crossing_test(floors: Sequence[Floor]) -> CrossingTest:
@@ -213,6 +213,6 @@ def crossing_test(floors: Sequence[Floor]) -> CrossingTest:
     if not different:
         return CrossingTest()
     a, b = min(different, key=lambda pair: pair[1].drag - pair[0].drag)
-    rolling = max(COUNTS * abs(b.rolling - a.rolling), _LEAST_DRAG_STEP)
-    roller = max(COUNTS * abs(b.roller - a.roller), _LEAST_DRAG_STEP)
+    rolling = max(DIFFERENCE_SHARE * abs(b.rolling - a.rolling), _LEAST_DRAG_STEP)
+    roller = max(DIFFERENCE_SHARE * abs(b.roller - a.roller), _LEAST_DRAG_STEP)
     return CrossingTest(rolling, roller)

@@ -44,7 +44,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.crossing import MEMORY_S
+from ohmward.traction.terrain.crossing import MU_MEMORY_S
 from ohmward.traction.terrain.floor import Floor, SlipBelief, drag_columns, like, mean_load, new_floor
 
 #: Largest number of combinations: every sample weighs each of them.
@@ -58,7 +58,7 @@ MIXED_SHARE = 0.05
 #: campaigns with Robotino do (0.21 to 0.25 of the weight), with slips of 0.2 to 0.5.
 LIKE_SHARE = 0.8
 #: Settling time [s] of the forces after a start: the filter's force begins at 0, and bodies and rollers accelerate.
-#: Then they are averaged over at most `MEMORY_S`, so that a missed crossing is forgotten.
+#: Then they are averaged over at most `MU_MEMORY_S`, so that a missed crossing is forgotten.
 SETTLING_S = 0.5
 #: b. The mean force of a run is off by 0.03 of the load, most of it from the spread of a floor's drag.
 PERSISTENT_SHARE = 0.1
@@ -194,7 +194,7 @@ class Recognition:
     ) -> tuple[np.ndarray, Scalar]:
         """Mean of the forces (driven,) and the time that it covers."""
         dt_s = minimum(dt_s, self.correlation_s)  # a sample after a gap counts once
-        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, MEMORY_S)))
+        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, MU_MEMORY_S)))
         share = where(averaged_s > dt_s, dt_s / maximum(averaged_s, LEAST_DIVISOR), 1.0)
         return state.mean_N + share * (drag_N - state.mean_N), averaged_s
 
@@ -318,7 +318,7 @@ def averaged(state: LossState, sample: LossSample, ended: Scalar, dt_s: Scalar) 
     """State after a sample; `ended`: the condition that the motion or the floor has changed."""
     new = isfinite(sample.value)
     value, variance = where(new, sample.value, state.mean), where(new, sample.variance, state.variance)
-    before = where(ended, 0.0, state.count * exp(-dt_s / MEMORY_S))
+    before = where(ended, 0.0, state.count * exp(-dt_s / MU_MEMORY_S))
     off = value - state.mean
     changed = off * off > CHANGED**2 * (variance + seen(state).variance)
     count = where(new, where(changed, 0.0, before) + 1.0, before)

@@ -125,7 +125,7 @@ class FloorFlag(SampleFlag):
 GAP_S = 0.5
 
 #: Largest force over load of the curves, more than any floor gives, and the spacing of their points.
-MOST, SPACING = 2.0, 0.01
+MOST_MU, SPACING = 2.0, 0.01
 #: Functions of the expansion.
 MODES = 5
 
@@ -139,7 +139,7 @@ class SlipCurves:
     @cached_property
     def values(self) -> np.ndarray:
         """Mean, variance, and the functions of the expansion, (2 + MODES, points)."""
-        slip, weights = slips_of_floors(self.floor, np.arange(0.0, MOST + SPACING / 2, SPACING))
+        slip, weights = slips_of_floors(self.floor, np.arange(0.0, MOST_MU + SPACING / 2, SPACING))
         mean = (weights * slip).sum(axis=0)
         off = np.sqrt(weights) * (slip - mean)
         cov = off.T @ off
@@ -173,7 +173,7 @@ class SlipCurves:
         return np.array([sign * self._at(2 + k, size) for k in range(MODES)])
 
     def _at(self, row: int, size: Any) -> Any:
-        return table(self.values[row], 0.0, SPACING, minimum(size, MOST))
+        return table(self.values[row], 0.0, SPACING, minimum(size, MOST_MU))
 
 
 #: Speed [m/s] below which no slip ratio is given and no floor is recognised, and the standard deviation of the rims'

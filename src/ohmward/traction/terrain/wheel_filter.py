@@ -46,11 +46,11 @@ METHODS: dict[str, tuple[ModuleType, bool]] = {
 #: Innovations of more sigmas than this are not learnt from.
 _ORDINARY = 3.0
 #: Matched standard deviations never fall below this share of the given ones.
-_LEAST_SHARE = 0.2
+_LEAST_STD_SHARE = 0.2
 #: Variance of a missing number, over the given one.
 _MISSING = 1e12
 #: Standard deviation [m/s] of the rims if the first sample lacks an encoder.
-_UNKNOWN_M_S = 1.0
+_UNKNOWN_RIM_STD_M_S = 1.0
 
 
 class WheelState(NamedTuple):
@@ -110,7 +110,7 @@ class WheelFilter:
         robot, measured = self.robot, first.wheel_measured[: self.robot.driven]
         speed_m_s = first.wheel_speed_rad_s[: robot.driven] * robot.wheel.radius_m
         mean = np.concatenate([robot.motion_by_rims @ speed_m_s, np.zeros(robot.driven)])
-        unknown = 1.0 if measured.all() else _UNKNOWN_M_S / self.speed_walk
+        unknown = 1.0 if measured.all() else _UNKNOWN_RIM_STD_M_S / self.speed_walk
         initial_std = self.walk * np.repeat([unknown, 1.0], [robot.freedoms, robot.driven])
         return WheelState(pack(Belief(mean, np.diag(initial_std**2))), self.given, self.given_samples)
 
@@ -153,7 +153,7 @@ class WheelFilter:
         residual = y - np.concatenate([self.turning @ after.mean, current])
         seen = [e * e + row @ after.cov @ row for e, row in zip(residual, rows, strict=True)]
         learnt = [r + where(usual, share * (s - r), 0.0) for r, usual, s in zip(R, ordinary, seen, strict=True)]
-        return np.array([maximum(r, _LEAST_SHARE**2 * g) for r, g in zip(learnt, self.given, strict=True)])
+        return np.array([maximum(r, _LEAST_STD_SHARE**2 * g) for r, g in zip(learnt, self.given, strict=True)])
 
 
 def _ordinary(innovation: Innovation) -> list[Any]:

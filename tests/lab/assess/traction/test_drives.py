@@ -8,9 +8,9 @@ from ohmward_lab.assess.draws import signs
 from ohmward_lab.assess.traction import (
     BASE_DRIVE,
     DRIVEN_S,
-    INTERVAL_S,
     ROBOTS,
     SAMPLE_S,
+    TRUTH_INTERVAL_S,
     World,
     drives,
     in_world,
@@ -26,7 +26,7 @@ EXACT = BASE_DRIVE._replace(current_gain=0.0, gyro_offset_rad_s=0.0, current_noi
 def rim_m_s(name, world, truth):
     """(T - 1, driven, B) mean speeds of the rims."""
     robot = in_world(ROBOTS[name], world)
-    return np.diff(truth.angle_rad[:, : robot.driven], axis=0) / INTERVAL_S * robot.wheel.radius_m
+    return np.diff(truth.angle_rad[:, : robot.driven], axis=0) / TRUTH_INTERVAL_S * robot.wheel.radius_m
 
 
 def travel_m_s(name, truth):
@@ -40,7 +40,7 @@ def travel_m_s(name, truth):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_drive_uses_its_speeds_and_stops_among_them(name):
     truth = drives(name, World(), RUNS, 1)
-    assert truth.speed_m_s.shape == (round(DRIVEN_S / INTERVAL_S), RUNS)
+    assert truth.speed_m_s.shape == (round(DRIVEN_S / TRUTH_INTERVAL_S), RUNS)
     size = np.abs(truth.speed_m_s)
     assert 0.3 < size.max() < 1.1 and (size < 1e-3).mean() > 0.01 and truth.speed_m_s.min() < -0.1
     np.testing.assert_allclose(rim_m_s(name, World(), truth), travel_m_s(name, truth)[1:], atol=0.25)
@@ -52,8 +52,8 @@ def test_the_motion_is_that_of_the_plant():
     truth = drives("rlma", world, RUNS, 1)
     plant = TractionPlant(ROBOTS["rlma"], [Patch("gravel")], longest_step_s=SAMPLE_S)
     # Torques change within the time kept; over a cruise they hardly do, so the plant follows from the start of a ramp.
-    torque = np.diff(truth.impulse_Nms[:, :, 0], axis=0, prepend=0.0) / INTERVAL_S
-    found = [plant.step(each, INTERVAL_S).speed_m_s for each in torque]
+    torque = np.diff(truth.impulse_Nms[:, :, 0], axis=0, prepend=0.0) / TRUTH_INTERVAL_S
+    found = [plant.step(each, TRUTH_INTERVAL_S).speed_m_s for each in torque]
     np.testing.assert_allclose(found, truth.speed_m_s[:, 0], atol=0.03)
 
 
@@ -72,7 +72,7 @@ def test_the_world_is_in_the_truth():
     assert work[1] / work[0] == pytest.approx(1.5, abs=0.1)
     slope = drives("rlma", World(grade_rad=0.15), RUNS, 1)
     assert slope.grade_rad.max() == pytest.approx(0.15) and slope.grade_rad.min() == pytest.approx(-0.15)
-    gravity = slope.specific_force_m_s2[1:] - np.diff(slope.speed_m_s, axis=0) / INTERVAL_S
+    gravity = slope.specific_force_m_s2[1:] - np.diff(slope.speed_m_s, axis=0) / TRUTH_INTERVAL_S
     np.testing.assert_allclose(np.median(gravity / (GRAVITY * np.sin(slope.grade_rad[1:]))), 1.0, atol=0.01)
 
 
