@@ -20,7 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
-from ohmward.battery.soc.sample import Estimator, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel
 from ohmward.trace.structure import side_by_side
@@ -245,7 +245,7 @@ def _of_registry(name: str) -> SocMethod:
 class _FullStart(RcThreeStates):
     """[P] 3.1: the filter starts at the OCV of a full battery, whatever start is given."""
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> RcThreeState:
         return super().init(first, 1.0, soc_std)
 
 
@@ -284,9 +284,9 @@ PROCESSORS = (
 SCORED_FROM_S = 3600.0
 #: An estimator has recovered from its start when the error stays within this for good.
 FOUND = 0.05
-#: Standard deviation given with a wrong start, the default of `SocEstimator`; and with a right start, which the first
-#: voltage then moves by no more than the probability that an estimator reserves for a wrong start.
-_START_STD, _RIGHT_START_STD = 0.03, 1e-4
+#: Standard deviation given with a right start, which the first voltage then moves by no more than the probability that
+#: an estimator reserves for a wrong start.
+_RIGHT_START_STD = 1e-4
 #: Samples of all lanes that are processed at once: some hundred megabytes with all intermediate values.
 _BATCH_SAMPLES = 1 << 20
 
@@ -317,7 +317,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
     samples, truth = measured(chemistry, condition, runs, seed)
     kernel, estimator = _compiled(chemistry, method.name)
     assumed = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
-    start_std = _RIGHT_START_STD if condition.start_error == 0.0 else _START_STD
+    start_std = _RIGHT_START_STD if condition.start_error == 0.0 else INITIAL_SOC_STD
     length = len(truth)
     width = max(1, _BATCH_SAMPLES // length)
     soc, std, spent_s = np.empty_like(truth), np.empty_like(truth), 0.0

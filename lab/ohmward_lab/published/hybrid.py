@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.soc.clean_sample import Rest, continue_rest
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -41,7 +41,7 @@ class Hybrid:
     rest_share: float = 0.03  #: current below this share of 1 C, and three sigma of its noise, counts as rest
     settle_s: float = 900.0  #: length of a rest after which its voltage counts as the open-circuit voltage
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> HybridState:
         """State before the first sample, with the SoC of whichever filter is more certain of it."""
         thevenin = self.thevenin.init(first, soc, soc_std)
         rc = self.rc.init(first, soc, soc_std)

@@ -34,7 +34,7 @@ from ohmward.battery.soc.clean_sample import (
 )
 from ohmward.battery.soc.coulomb import charge_variance
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
 from ohmward.filters import kalman
@@ -284,7 +284,7 @@ class RcFilter:
         """The equivalent Thevenin circuit, for the start and the variance of the charge."""
         return rc.equivalent_thevenin(self.model)
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcFilterState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> RcFilterState:
         """State before the first sample, whose voltage gives the SoC where `soc` is None."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 

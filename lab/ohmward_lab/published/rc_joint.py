@@ -29,7 +29,7 @@ from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, walk_varia
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
@@ -327,7 +327,7 @@ class RcAdaptiveSoc:
     joint: RcJoint  #: finds C_b, C_s, R_e and R_t
     soc: RcFilter  #: estimates the state of charge with them; its own model has the values of the battery file
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> SchemeState:
         """State before the first sample, whose voltage gives the SoC where `soc` is None."""
         start = self.soc.init(first, soc, soc_std)
         return SchemeState(self.joint.init(first, bulk_V=float(start.belief.mean[0])), start)

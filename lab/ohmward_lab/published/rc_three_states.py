@@ -21,7 +21,7 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocSample
 from ohmward.checks import require_each_positive
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
@@ -59,7 +59,7 @@ class RcThreeStates:
         """The inverse OCV curve."""
         return SocByCurve(self.model, BatteryNoise())
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> RcThreeState:
         """State before the first sample: at rest at this SoC, used as given; with None V_cb is the first voltage."""
         ocv_V = float(first.voltage_V) if soc is None else self.link.ocv_V(soc)
         belief = Belief(np.full(3, ocv_V), self.start_variance_V2 * np.eye(3))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.rc import one_pair_noise, rc_of_thevenin
 from ohmward.battery.soc.registry import Choice, EstimatorSettings, thevenin_filter
-from ohmward.battery.soc.sample import Estimator, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocSample
 from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
 from ohmward_lab.published.rc_filter import RcFilter
@@ -18,7 +18,7 @@ from ohmward_lab.published.rc_joint import adaptive_soc_of
 class GivenStart(TextbookFilter):
     """Settings of the textbook filter, with an initial SoC that the first voltage does not overrule."""
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> TextbookState:
         """State before the first sample; `soc` None is found from its voltage, any other value is used as given."""
         return super().init(first) if soc is None else self.start(first, soc, soc_std)
 

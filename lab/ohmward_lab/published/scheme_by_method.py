@@ -30,7 +30,7 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocSample
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
@@ -234,7 +234,7 @@ class SchemeSoc:
 
     scheme: SchemeByMethod
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeByMethodState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> SchemeByMethodState:
         """State before the first sample; `soc` None is found from its voltage on the OCV curve.
 
         A first sample without a voltage is assumed to be at rest at the given SoC.

@@ -12,6 +12,7 @@ from types import ModuleType
 
 from ohmward import __version__
 from ohmward.battery.soc import start_density
+from ohmward.battery.soc.sample import INITIAL_SOC_STD
 from ohmward.embedded.c_library import Export, filled, template
 from ohmward.errors import InputError
 from ohmward.trace import ieee
@@ -23,7 +24,7 @@ USUAL_INTERVAL_S = 1.0
 
 
 def python_file(
-    export: Export, sample_time_s: float | None = None, soc: float | None = None, soc_std: float = 0.03
+    export: Export, sample_time_s: float | None = None, soc: float | None = None, soc_std: float = INITIAL_SOC_STD
 ) -> str:
     """Text of the file: `start` and `step`, and `Model(X, z)` over rows of current, voltage and temperature.
 

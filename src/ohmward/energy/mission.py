@@ -22,7 +22,7 @@ from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, make_estimator
-from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
 from ohmward.energy.discharge_end import end_along
@@ -114,9 +114,9 @@ class MissionSettings:
     """Settings of a mission analysis."""
 
     soc: float | None = None  #: state of charge now; None runs an estimator along the log
-    soc_std: float = 0.03  #: standard deviation of `soc`
+    soc_std: float = INITIAL_SOC_STD  #: standard deviation of `soc`
     initial_soc: float | None = None  #: state of charge at the start of the log; None takes it from the voltage
-    initial_soc_std: float = 0.03  #: standard deviation of `initial_soc`
+    initial_soc_std: float = INITIAL_SOC_STD  #: standard deviation of `initial_soc`
     filter: str = DEFAULT  #: estimator of the state of charge, see `make_estimator`
     reserve_soc: float | None = None  #: state of charge that must be left; None takes the plan's, else 0.1
     #: terminal voltage at which the robot stops; 0 if nothing monitors it; None takes the plan's

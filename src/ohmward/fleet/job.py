@@ -22,7 +22,7 @@ from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
-from ohmward.battery.soc.sample import STD_OF, Estimator, SocEstimate, SocFlag
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, STD_OF, Estimator, SocEstimate, SocFlag
 from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
@@ -40,7 +40,7 @@ class Job:
     battery: str  #: text of the battery file, so that the job runs on machines without the file
     filter: str = DEFAULT  #: name of the estimator
     initial_soc: float | None = None  #: at the start of every log; None takes it from the first voltage
-    initial_soc_std: float = 0.03  #: its standard deviation
+    initial_soc_std: float = INITIAL_SOC_STD  #: its standard deviation
     reading: ReadOptions = field(default_factory=ReadOptions)  #: options of the reader
     estimates: str | None = None  #: folder for the estimates of every log, one Parquet file each; None writes none
 

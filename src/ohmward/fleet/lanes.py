@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, on_day, samples_of, says_full_at
-from ohmward.battery.soc.sample import Estimator, SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import pick_lanes, side_by_side
@@ -28,7 +28,7 @@ def estimate_logs(
     estimator: Estimator,
     logs: Sequence[Log],
     initial_soc: float | None = None,
-    initial_soc_std: float = 0.03,
+    initial_soc_std: float = INITIAL_SOC_STD,
     lowering: str | None = None,
 ) -> list[SocEstimate]:
     """Estimates for each log, every field (T,), equal to those of `SocEstimator.run` up to rounding.

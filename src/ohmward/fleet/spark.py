@@ -11,6 +11,7 @@ from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.log_check import sign_by_model
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
+from ohmward.battery.soc.sample import INITIAL_SOC_STD
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.log import Log, UnknownSignError
 from ohmward.logs.table import counted
@@ -35,7 +36,7 @@ def soc_stream(
     battery: str,
     filter: str = DEFAULT,
     initial_soc: float | None = None,
-    initial_soc_std: float = 0.03,
+    initial_soc_std: float = INITIAL_SOC_STD,
     current_sign: CurrentSign = "charge",
 ) -> DataFrame:
     """Estimates for a streaming DataFrame, a row of `SCHEMA` for each of its rows.

@@ -18,7 +18,7 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.given_soc import after_first_voltage, takes_given_soc
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
@@ -261,7 +261,7 @@ class Estimation:
             return
         if self.cells is None:
             known = self.soc.last
-            start = (None, 0.03) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
+            start = (None, INITIAL_SOC_STD) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
             self.cells = PackEstimator(self.battery, *start)
         cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
         current_A = sample.values.get(CURRENT, math.nan)

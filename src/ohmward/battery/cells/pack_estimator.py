@@ -16,7 +16,7 @@ from ohmward.battery.cells.cell_filter import CellEstimate, CellFilter, CellSamp
 from ohmward.battery.cells.drift import CellWarning, PackState, cell_warnings, drifted, pack_state, ranges
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
-from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, number, numbers
 from ohmward.filters.run import Run
@@ -132,7 +132,7 @@ class PackEstimator:
         self,
         battery: Battery,
         initial_soc: float | None = None,
-        initial_soc_std: float = 0.03,
+        initial_soc_std: float = INITIAL_SOC_STD,
         lowering: str | None = None,
         filter: str = DEFAULT,
         spread: CellSpread | None = None,

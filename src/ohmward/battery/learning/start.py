@@ -32,11 +32,10 @@ from ohmward.battery.models.ocv import correlation, hat
 from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.battery.soc.anchor_rule import REST_C, SocAnchor
 from ohmward.battery.soc.anchors import Anchor
+from ohmward.battery.soc.sample import INITIAL_SOC_STD
 from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
-#: Standard deviation of a state of charge that the user gives for the start of a log, as in the filter.
-_GIVEN_STD = 0.03
 #: Longest time [s] between two logs of which one goes on with the charge of the other, and smallest standard deviation
 #: of that charge.
 _CONTINUES_S, _CONTINUED_STD = 1800.0, 0.01
@@ -52,7 +51,7 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
     The current of either log may have continued between the two.
     """
     if initial_soc is not None:
-        return (SocAnchor(0, initial_soc, _GIVEN_STD),)
+        return (SocAnchor(0, initial_soc, INITIAL_SOC_STD),)
     start = log.begin_unix_s
     if start is None:
         return ()

@@ -16,7 +16,7 @@ from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.causes import points
 from ohmward.battery.soc.explanation import filtered
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
@@ -31,8 +31,6 @@ FORECAST_STEP_S, LOAD_S = 10.0, 60.0
 LOADS = (0.2, 1.0, 2.0, 0.8)
 #: The band counts from here on [s]: an unknown start needs its first rests.
 COUNTED_FROM_S = 1800.0
-#: Standard deviation of a known start, as in the morning: the default of `SocEstimator`.
-KNOWN_START_STD = 0.03
 #: Temperatures of the usual report on a battery [degC].
 TEMPERATURES_DEGC = (25.0, 0.0, -10.0)
 
@@ -107,8 +105,8 @@ def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc:
     """Half width of the 95 % band, root mean square along the day, in points; soc: at the start, None if unknown."""
     day = working_day(settings, temperature_degC)
     first = SocSample(0.0, 0.0, settings.model.ocv.mean_V(START_SOC, temperature_degC), temperature_degC)
-    state = settings.init(first, soc, KNOWN_START_STD)
-    truth = unpack(settings.start(first, START_SOC, KNOWN_START_STD).belief).mean
+    state = settings.init(first, soc, INITIAL_SOC_STD)
+    truth = unpack(settings.start(first, START_SOC, INITIAL_SOC_STD).belief).mean
     std = filtered(settings, kernel, state, truth, day).soc_std[np.cumsum(day.dt_s) > COUNTED_FROM_S]
     return points(float(np.mean(std**2)))
 

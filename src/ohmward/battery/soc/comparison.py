@@ -12,6 +12,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.estimator import SocEstimator, SocRun
 from ohmward.battery.soc.registry import available
+from ohmward.battery.soc.sample import INITIAL_SOC_STD
 from ohmward.battery.soc.score import soc_reference, soc_scores, voltage_score
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, as_log
@@ -87,7 +88,7 @@ def compare(
     *,
     truth: str | np.ndarray | None = None,
     initial_soc: float | None = None,
-    initial_soc_std: float = 0.03,
+    initial_soc_std: float = INITIAL_SOC_STD,
     progress: Progress | None = None,
 ) -> Comparison:
     """Run estimators over the same log from the same start.

@@ -34,7 +34,7 @@ from ohmward.battery.soc.clean_sample import (
     sanitize,
 )
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive, require_positive
 from ohmward.filters.flags import flags_of
@@ -74,7 +74,7 @@ class CoulombCounting:
         """Plausibility limits of a sample."""
         return sample_limits(self.model, self.gap_s)
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 
@@ -165,7 +165,7 @@ class RestOcv:
         """Estimator between the rests."""
         return CoulombCounting(self.model, self.noise, self.sensor, self.gap_s)
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 

@@ -18,7 +18,7 @@ from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
-from ohmward.battery.soc.sample import LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -78,7 +78,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self,
         battery: Battery | Estimator,
         initial_soc: float | None = None,
-        initial_soc_std: float = 0.03,
+        initial_soc_std: float = INITIAL_SOC_STD,
         lowering: str | None = None,
         filter: str = DEFAULT,
         unix_s: float | None = None,

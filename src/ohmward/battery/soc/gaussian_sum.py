@@ -31,7 +31,7 @@ from ohmward.battery.models.thevenin import pair_decays
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.sample import STD_OF, SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, STD_OF, SocEstimate, SocSample
 from ohmward.battery.soc.start_density import WRONG_SHARE, Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc, with_misfit
 from ohmward.checks import require_between
@@ -82,7 +82,7 @@ class GaussianSumFilter:
         """Names of a member's mean, in order."""
         return self.member.state_names
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> GaussianSumState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> GaussianSumState:
         """State before the first sample, whose voltage is used; arguments as for `TheveninFilter.init`."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 

@@ -22,7 +22,7 @@ import numpy as np
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
 from ohmward.battery.soc.clean_sample import first_input
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.start_density import (
     BEYOND,
     GRID_STEP,
@@ -58,7 +58,11 @@ class VoltageStart:
     count: int = 1  #: number of hypotheses
 
     def hypotheses(
-        self, first: SocSample, soc: float | None = None, soc_std: float = 0.03, wrong_share: float = WRONG_SHARE
+        self,
+        first: SocSample,
+        soc: float | None = None,
+        soc_std: float = INITIAL_SOC_STD,
+        wrong_share: float = WRONG_SHARE,
     ) -> tuple[Hypothesis, ...]:
         """The density of SoC given the first sample and, where there is one, a value, in `count` parts.
 

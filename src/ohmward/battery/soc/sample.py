@@ -6,6 +6,9 @@ from typing import Any, NamedTuple, Protocol
 
 from ohmward.filters.flags import SampleFlag
 
+#: Standard deviation of a given initial state of charge, unless the caller gives another one.
+INITIAL_SOC_STD = 0.03
+
 
 class SocSample(NamedTuple):
     """One sample of the battery's sensors; nan where there is none.
@@ -94,7 +97,7 @@ class SocFlag(SampleFlag):
 class Estimator(Protocol):
     """Frozen settings with two pure functions."""
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> Any:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> Any:
         """State before the first sample; `soc` None is unknown."""
         ...
 

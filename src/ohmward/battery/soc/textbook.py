@@ -26,7 +26,7 @@ from ohmward.battery.models.thevenin import (
 )
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_one_of
 from ohmward.filters import conditionally_linear, extended, kalman
@@ -69,7 +69,7 @@ class TextbookFilter:
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> TextbookState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 

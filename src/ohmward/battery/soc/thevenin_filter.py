@@ -32,7 +32,7 @@ from ohmward.battery.soc.clean_sample import (
     without_voltage,
 )
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
@@ -177,7 +177,7 @@ class TheveninFilter:
         """Plausibility limits of a sample."""
         return sample_limits(self.model, self.gap_s)
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = INITIAL_SOC_STD) -> FilterState:
         """State before the first sample, whose voltage is used: it overrules a SoC that it contradicts.
 
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
