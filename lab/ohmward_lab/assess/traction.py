@@ -21,7 +21,7 @@ from ohmward.trace import Kernel, where
 from ohmward.trace.lower import llvm_machine_code
 from ohmward.trace.structure import pick_lanes, side_by_side
 from ohmward.traction.control import Limits, WheelSpeedDrive
-from ohmward.traction.friction.terrain import Terrain, terrain_named
+from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.packaged import RLMA
@@ -29,7 +29,7 @@ from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import considered_step
-from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
 from ohmward_lab.simulate.closed_loop.observing import unknown_ground

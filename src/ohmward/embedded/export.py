@@ -11,6 +11,7 @@ from ohmward.embedded.battery import Style, battery_export
 from ohmward.embedded.c_library import library, write_library
 from ohmward.embedded.traction import robot_export
 from ohmward.errors import InputError
+from ohmward.traction.friction.terrain import DEFAULT_TERRAIN
 from ohmward.traction.robot.robot import Robot
 
 #: Default filter for a microcontroller: the Gaussian sum of three filters takes three times as long.
@@ -26,7 +27,7 @@ def export(
     sample_time_s: float | None = None,
     style: Style = "lines",
     curve_error_V: float | None = None,
-    terrain: str = "dry asphalt",
+    terrain: str = DEFAULT_TERRAIN,
 ) -> list[Path]:
     """Write a C99 library with its build files, test vectors and README; returns the paths of its files.
 

@@ -39,7 +39,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
 from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC
 from ohmward.toml_file import TomlFile
-from ohmward.traction.friction.terrain import Terrain, hard_terrain
+from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, hard_terrain
 from ohmward.traction.robot.robot import Robot
 
 FORMAT = "ohmward-plan/1"
@@ -275,7 +275,7 @@ def _motion(
     """Motion from the observed wheels, else from a measured speed."""
     if robot is None or drive is None:
         return measured_motion(log, settings.speed_column)
-    return observe_motion(robot, drive, settings.terrain or hard_terrain("dry asphalt"), log.time_s, progress)
+    return observe_motion(robot, drive, settings.terrain or hard_terrain(DEFAULT_TERRAIN), log.time_s, progress)
 
 
 def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:

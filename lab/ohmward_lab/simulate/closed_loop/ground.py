@@ -16,6 +16,7 @@ from ohmward.errors import InputError
 from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.terrain import (
     ADHESION,
+    DEFAULT_TERRAIN,
     ROADS,
     SOILS,
     RollingResistance,
@@ -68,7 +69,7 @@ class Patch:
     @property
     def name(self) -> str:
         """Name of the terrain, or its friction."""
-        return f"friction {self.friction:g}" if self.friction is not None else self.terrain or "dry asphalt"
+        return f"friction {self.friction:g}" if self.friction is not None else self.terrain or DEFAULT_TERRAIN
 
     @cached_property
     def bounded(self) -> bool:

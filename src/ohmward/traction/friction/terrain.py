@@ -101,6 +101,9 @@ class Adhesion(NamedTuple):
     sliding: tuple[float, float]
 
 
+#: Ground that is assumed where none is given.
+DEFAULT_TERRAIN = "dry asphalt"
+
 #: [T] table 4.1.
 ADHESION: Mapping[str, Adhesion] = {
     "dry asphalt": Adhesion((0.8, 0.9), (0.75, 0.75)),

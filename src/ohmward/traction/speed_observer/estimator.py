@@ -10,11 +10,11 @@ from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number,
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
-from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
-from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, default_observer
 from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 
 

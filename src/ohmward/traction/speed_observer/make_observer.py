@@ -34,7 +34,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.terrain import Terrain, terrain_named
+from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S, TURNS_M_S
 from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.chassis import SkidSteer
@@ -422,7 +422,7 @@ def window_mean(values: np.ndarray, half: int) -> np.ndarray:
     return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
 
 
-DEFAULT_TERRAIN, DEFAULT_FILTER = "dry asphalt", "ukf"
+DEFAULT_FILTER = "ukf"
 
 #: Sensors that a robot may have; an absent one costs only its part of the step.
 ANY_SENSORS = ObserverNoise(
