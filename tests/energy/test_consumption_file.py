@@ -46,10 +46,3 @@ def test_what_is_refused(change, message):
 def test_a_file_that_is_none(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         load_consumption(tmp_path / "none.toml")
-
-
-def test_a_table_with_the_names_of_before_is_read():
-    c = learn(learned(), stretch_of(Leg(40.0, "grass", 0.5)), 1500.0)
-    before = dump_consumption(c).replace("regeneration", "regain").replace("day_effect:", "own:")
-    back = parse_consumption(before.replace('"day_effect"', '"load"'))
-    assert back.names == c.names and back.prior == c.prior

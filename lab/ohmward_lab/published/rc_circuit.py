@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate
+from ohmward.battery.models.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.errors import InputError
 from ohmward.trace import minimum
@@ -45,6 +45,11 @@ def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
     if not span > 0:
         raise InputError(f"ocv.voltage_V must rise from SoC 0 to 1 to give a capacitance, but rises by {span:g} V")
     return 3600.0 * capacity_Ah / span
+
+
+def dc_resistance(p: Circuit | RcModel) -> Any:
+    """R_0 + R_1 [ohm]: the resistance to a steady current."""
+    return instant_resistance(p) + slow_resistance(p)
 
 
 def next_state(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel, dt_s: Scalar) -> np.ndarray:

@@ -77,7 +77,7 @@ def nominal_of(model: rc.RcModel) -> Nominal:
     """Elements of the model with R_b = R_s: its own if they are equal, else [P]'s shares of the same DC resistance."""
     if model.r_bulk_ohm == model.r_surface_ohm:
         return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
-    r_total_ohm = rc.dc_resistance(model) / (1 + rc.BRANCH_SHARE / 2)
+    r_total_ohm = rc_circuit.dc_resistance(model) / (1 + rc.BRANCH_SHARE / 2)
     return Nominal(model.c_bulk_F, model.c_surface_F, rc.BRANCH_SHARE * r_total_ohm, rc.TERMINAL_SHARE * r_total_ohm)
 
 
@@ -356,7 +356,7 @@ class RcAdaptiveSoc:
         """Ratios of capacitance and DC resistance to those of the battery file."""
         file = self.soc.model.circuit
         capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
-        return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
+        return capacitance, rc_circuit.dc_resistance(p) / rc_circuit.dc_resistance(file)
 
     def ratio_stds(self, belief: Belief) -> list[Scalar]:
         """Standard deviations of both ratios in the joint filter's belief: sqrt(diag(G P G')), G their Jacobian."""

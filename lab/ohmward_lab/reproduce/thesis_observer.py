@@ -20,10 +20,10 @@ from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import wheel_speeds
-from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
 from ohmward_lab.reproduce.row import Result, ResultRow
+from ohmward_lab.simulate.closed_loop.sensing import quantisation_std_rad_s
 
 WET = scene(RLMA, Terrain("wet tiles", WardIagnemma(0.4, 8.0), RollingResistance(), "assumed"))
 LAYOUT = StateLayout(RLMA, KNOWN_GROUND)

@@ -23,8 +23,6 @@ _HEADER = """\
 # What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
 # what is read back; these lines are for people, and are rewritten each time.
 """
-#: Names in older tables, and the current ones.
-_FORMER = {"regain": "regeneration", "regain_std": "regeneration_std", "own": "day_effect", "load": "day_effect"}
 _TABLES = ("prior", "scatter", "day", "terrain", "coefficients", "end")
 
 
@@ -93,7 +91,7 @@ def parse_consumption(text: str) -> Consumption:
 def _from_tables(data: Mapping[str, Any]) -> Consumption:
     terrains = data.get("terrain", [])
     c = Consumption(
-        ConsumptionPrior(**{_FORMER.get(key, key): value for key, value in data["prior"].items()}),
+        ConsumptionPrior(**data["prior"]),
         tuple(str(t["name"]) for t in terrains),
         np.array(data["coefficients"]["mean"], dtype=float),
         np.array(data["coefficients"]["cov"], dtype=float),
@@ -105,18 +103,12 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
         data.get("last_drive_unix_s"),
         _end(data["end"]) if "end" in data else None,
     )
-    if list(c.names) != [_todays_name(name) for name in data["coefficients"]["names"]]:
+    if list(c.names) != list(data["coefficients"]["names"]):
         raise InputError(
             f"coefficients.names must be {', '.join(SHARED)} and two for each terrain in their order; "
             "learn the table again"
         )
     return c
-
-
-def _todays_name(name: str) -> str:
-    """Current name of a coefficient, alone or as `kind:terrain`."""
-    kind, colon, terrain = name.partition(":")
-    return f"{_FORMER.get(kind, kind)}{colon}{terrain}"
 
 
 def _end(table: Mapping[str, Any]) -> DischargeEnd:

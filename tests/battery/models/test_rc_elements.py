@@ -58,7 +58,8 @@ def test_every_start_model_has_one(name):
     """The same resistance to a steady current, a time constant between those of the pairs, the slope of the curve."""
     model = start_model(name, 12.0, 4)
     found = rc_of_thevenin(model)
-    assert rc.dc_resistance(found) == pytest.approx(model.r0_discharge_ohm[0] + sum(row[0] for row in model.r_ohm))
+    steady_ohm = model.r0_discharge_ohm[0] + sum(row[0] for row in model.r_ohm)
+    assert rc_circuit.dc_resistance(found) == pytest.approx(steady_ohm)
     assert min(model.tau_s) < 1 / rc.relaxation_rate(found) < max(model.tau_s)
     slope_V = model.capacity_As / sum(found.circuit[:2])
     rise_V = float(model.ocv.mean_V(0.8, 25.0)) - float(model.ocv.mean_V(0.2, 25.0))

@@ -201,7 +201,7 @@ def test_samples_slower_than_the_relaxation_leave_the_resistances():
     """A minute between samples: R_0 and R_1 together are right, and what is not seen is said."""
     run = simulate(EVEN, 600, 0, dt_s=60.0, voltage_std_V=0.002, current_std_A=0.02)
     found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
-    assert rc.dc_resistance(found.model) == pytest.approx(rc.dc_resistance(EVEN), rel=0.15)
+    assert rc_circuit.dc_resistance(found.model) == pytest.approx(rc_circuit.dc_resistance(EVEN), rel=0.15)
     said = " ".join(found.not_identified)
     assert "R_total by the rule: the log shows the voltage only 60 s after an edge" in said
     assert "the time constant: shorter than the 60 s between two samples" in said

@@ -3,7 +3,6 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.speed_observer.encoders import wheel_speeds
-from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 
 
 def test_a_turn_in_a_second():
@@ -33,7 +32,8 @@ def test_the_noise_of_quantisation():
     angle = np.cumsum(np.full(20000, 0.05) + 1e-3 * rng.standard_normal(20000))
     counts = np.floor(angle * 4096 / (2 * np.pi)).astype(int)[:, None]
     error = np.diff(angle) / 0.01 - wheel_speeds(counts, 0.01 * np.arange(20000), 4096)[1:, 0]
-    assert np.std(error) == pytest.approx(quantisation_std_rad_s(4096, 0.01), rel=0.03)
+    step = 2 * np.pi / 4096 / 0.01
+    assert np.std(error) == pytest.approx(step / np.sqrt(6), rel=0.03)  # two uniform errors of one step
 
 
 def test_a_counter_that_never_wraps_around():

@@ -19,7 +19,7 @@ from ohmward.traction.speed_observer.make_observer import (
     quantum,
     speed_std_m_s,
 )
-from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.noise import ObserverNoise
 
 TERRAIN = hard_terrain("dry asphalt")
 TIME = 0.01 * np.arange(1000)
@@ -89,7 +89,7 @@ def test_the_quantisation_of_counts_is_found():
     counts = np.floor(4096 * np.cumsum(2.0 + np.sin(TIME)) * 0.01 / (2 * math.pi))
     speed = np.diff(counts) * 2 * math.pi / 4096 / 0.01
     assert quantum(speed) == pytest.approx(2 * math.pi / 4096 / 0.01)
-    exact = quantisation_std_rad_s(4096, 0.01)
+    exact = 2 * math.pi / 4096 / 0.01 / math.sqrt(6)  # two uniform errors of one step
     assert exact <= encoder_std_rad_s(speed[:, None]) <= 2.0 * exact
 
 

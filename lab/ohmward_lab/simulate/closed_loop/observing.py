@@ -18,10 +18,10 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.estimate import SlipEstimate
-from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
-from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, Sensing
+from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, Sensing, quantisation_std_rad_s
 from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
 from ohmward_lab.traction.momentum_observer import (
     AngleSample,

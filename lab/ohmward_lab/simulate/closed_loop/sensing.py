@@ -229,3 +229,13 @@ class SensorSuite:
         ]
         self._speeds = tuple(s for s in self._speeds if s not in arrived)
         return max(arrived, default=None)
+
+
+def quantisation_std_rad_s(counts_per_turn: int, dt_s: float) -> float:
+    """Standard deviation [rad/s] of a speed from the difference of two counts, `dt_s` apart.
+
+    Each count has a uniform error over one step of 2 pi / counts_per_turn: variance step^2/12 twice.
+    """
+    require_positive("counts_per_turn", counts_per_turn)
+    require_positive("dt_s", dt_s)
+    return 2 * math.pi / counts_per_turn / dt_s / math.sqrt(6)

@@ -105,11 +105,6 @@ def slow_resistance(p: Circuit | RcModel) -> Any:
     return uneven * uneven / D
 
 
-def dc_resistance(p: Circuit | RcModel) -> Any:
-    """R_0 + R_1 [ohm]: the resistance to a steady current."""
-    return instant_resistance(p) + slow_resistance(p)
-
-
 def four_numbers(p: Circuit | RcModel) -> tuple[Any, Any, Any, Any]:
     """C = C_b + C_s [F], R_0 and R_1 [ohm] and tau = 1 / `relaxation_rate` [s]: all that the voltage depends on."""
     return p.c_bulk_F + p.c_surface_F, instant_resistance(p), slow_resistance(p), 1 / relaxation_rate(p)

@@ -210,8 +210,8 @@ ROLLING = (0.02, 0.02)
 _KAPPA_STD, _ROLLER_STD, _LOSS_STD_SHARE = 0.5, 0.2, 1.0
 CONSTANT = "motor.torque_constant_Nm_per_A"
 _UNSTEADY_S = 0.5
-#: Columns of the fit.
-KAPPA, ROLLING_SHARE, ROLLER_SHARE, FRICTION, DAMPING = range(5)
+#: Columns of the fit; the two between are the rolling resistance and that of rollers.
+KAPPA, _, _, FRICTION, DAMPING = range(5)
 #: Smallest ratio of fast to slow speeds in the drives that identify the damping.
 _SPEED_RATIO = 2.0
 #: Sigma of a parameter that the fit does not change.

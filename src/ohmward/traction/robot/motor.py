@@ -77,11 +77,6 @@ def current_for_torque(motor: Motor, torque_Nm: Any, wheel_speed_rad_s: Any) -> 
     return needed / (motor.wheel_constant_Nm_per_A * (1 - (1 - motor.gear_efficiency) * direction * turning))
 
 
-def terminal_voltage(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
-    """Voltage [V] across the motor, neglecting inductance."""
-    return motor.resistance_ohm * current_A + motor.wheel_constant_Nm_per_A * wheel_speed_rad_s
-
-
 def copper_loss(motor: Motor, current_A: Any) -> Any:
     """Power [W] that heats the winding."""
     return motor.resistance_ohm * current_A * current_A

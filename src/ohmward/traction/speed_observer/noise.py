@@ -78,13 +78,3 @@ def require_stds(prefix: str, values: Mapping[str, float | None], optional: Coll
             require_between(f"{prefix}.{name}", value, 0.0, math.inf)
         else:
             require_positive(f"{prefix}.{name}", value)
-
-
-def quantisation_std_rad_s(counts_per_turn: int, dt_s: float) -> float:
-    """Standard deviation [rad/s] of a speed from the difference of two counts, `dt_s` apart.
-
-    Each count has a uniform error over one step of 2 pi / counts_per_turn: variance step^2/12 twice.
-    """
-    require_positive("counts_per_turn", counts_per_turn)
-    require_positive("dt_s", dt_s)
-    return 2 * math.pi / counts_per_turn / dt_s / math.sqrt(6)
