@@ -11,12 +11,12 @@ extern "C" {
 #define SOC_NO_VOLTAGE 2 /* missing or impossible: predicted only */
 #define SOC_BAD_TIME 4 /* dt_s not a number, negative or over a year: 0 was used; dt_s = 0 is a repeated sample */
 #define SOC_GAP 8 /* step too long to assume a straight line between its two currents */
-#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump that the next voltage has to confirm */
+#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump that has not lasted yet */
 #define SOC_REST 32 /* current known: the zero-current update was made */
 #define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
 #define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired; by a filter of the laboratory alone */
 #define SOC_DIVERGED 256 /* the voltage has contradicted the estimate for too long: SoC was declared unknown */
-#define SOC_RESTARTED 512 /* in Python: the state was no longer a number, a new one was started from this sample */
+#define SOC_RESTARTED 512 /* in Python: started again from this sample: the first voltage was wrong, or the state no number */
 #define SOC_ANCHORED 1024 /* a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC */
 #define SOC_MISFIT 2048 /* an offset or a capacity that sensor and battery cannot have: another battery's file? */
 

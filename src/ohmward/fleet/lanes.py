@@ -14,8 +14,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, on_day, samples_of, says_full_at
+from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, model_of, on_day, samples_of, says_full_at
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocEstimate, SocSample
+from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import pick_lanes, side_by_side
@@ -47,8 +48,11 @@ def estimate_logs(
 
 
 def _in_one_piece(estimator: Estimator, log: Log) -> bool:
-    """True for a log without reports of full charge or long gaps, whose estimates need plain steps only."""
-    return not says_full_at(estimator, log) and not after_long_gaps(estimator, np.diff(log.time_s))
+    """True for a log without reports of full charge, long gaps or a wrong start: its estimates are plain steps."""
+    if says_full_at(estimator, log) or after_long_gaps(estimator, np.diff(log.time_s)):
+        return False
+    model = model_of(estimator)
+    return model is None or not wrong_starts(samples_of(log), model)[0]
 
 
 def _side_by_side(

@@ -18,6 +18,7 @@ from ohmward.battery.soc.gaussian_sum import (
     normalised,
 )
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
@@ -98,8 +99,8 @@ def test_on_a_straight_cell_it_is_the_exact_posterior():
     columns = samples(truth, noise=WHITE)._replace(current_A=truth.current_A)
     settings = GaussianSumFilter(TheveninFilter(model, WHITE, EXACT, gate=1e9), 3)
     starts, stds, weights = (0.25, 0.45, 0.8), (0.05, 0.1, 0.03), (0.6, 0.1, 0.3)
-    members = tuple(settings.member.start(row(columns, 0), m, s) for m, s in zip(starts, stds, strict=True))
-    _, found = scan(settings, columns, state=settings.begun(members, list(np.log(weights))))
+    parts = [Hypothesis(w, InitialSoc(m, s)) for w, m, s in zip(weights, starts, stds, strict=True)]
+    _, found = scan(settings, columns, state=settings.start_from(row(columns, 0), *parts))
 
     grid = np.linspace(-0.2, 1.2, 20001)
     log_density = np.log(sum(w * norm.pdf(grid, m, s) for m, s, w in zip(starts, stds, weights, strict=True)))

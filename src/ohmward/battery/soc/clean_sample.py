@@ -47,7 +47,7 @@ class SampleLimits(NamedTuple):
     highest_ocv_V: float = math.inf
 
 
-def sample_limits(model: Thevenin | RcModel, gap_s: float) -> SampleLimits:
+def sample_limits(model: Thevenin | RcModel, gap_s: float = CURRENT_GAP_S) -> SampleLimits:
     """Plausibility limits of a sample of a battery."""
     return SampleLimits(gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[0], model.ocv.voltage_V[-1])
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self, cast
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
@@ -19,6 +20,7 @@ from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.voltage_faults import StartWatch, watch_start, wrong_starts
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -28,6 +30,14 @@ from ohmward.trace import Kernel
 from ohmward.trace.snapshot import take
 
 _NO_MEMORY = ChargeMemory()
+_NO_WATCH = StartWatch()
+
+
+class BeforeGap(NamedTuple):
+    """State before a gap with unknown current, and the length of the gap [s]."""
+
+    state: Any
+    gap_s: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,6 +104,9 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self.title = _title(battery, filter)
         self.known_gap_s = longest_known_gap_s(self.settings)
         self.memory = _NO_MEMORY
+        self._model = model_of(self.settings)
+        self._watch: StartWatch | None = _NO_WATCH if self._model else None
+        self._before_gap: BeforeGap | None = None
 
     def update(
         self,
@@ -133,6 +146,35 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             return self._after_gap(sample, before_s + sample.dt_s)
         return super().step(sample)
 
+    def _advance(self, sample: Any, clock_s: float) -> SocEstimate:
+        """Estimate after one live sample, from which it starts again if the start was wrong."""
+        wrong = self._watch is not None and self._start_is_wrong(self._record(sample))
+        estimate = super()._advance(sample, clock_s)
+        if wrong:
+            self.last = estimate = estimate._replace(flags=estimate.flags | SocFlag.RESTARTED)
+        return estimate
+
+    def _start_is_wrong(self, sample: SocSample) -> bool:
+        """True where another voltage than that of the start has lasted for longer; then the estimate starts again."""
+        if self._watch is None or self._model is None:
+            return False
+        if self._state is None:
+            self._watch = watch_start(sample, self._model)
+            return False
+        self._watch, wrong = self._watch.after(sample, self._model)
+        if wrong:
+            self._start_again_from(sample, self._model)
+        return wrong
+
+    def _start_again_from(self, sample: SocSample, model: Thevenin) -> None:
+        """Start from this sample as from the first one, or as from the first one after a gap."""
+        if self._before_gap is None:
+            self.state, self.memory = self.init(sample), _NO_MEMORY
+        else:
+            self.state = self._before_gap.state
+            self._begin_after_gap(sample, self._before_gap.gap_s)
+        self._watch = watch_start(sample, model)
+
     def _after_gap(self, sample: Any, clock_s: float) -> SocEstimate:
         """Estimate after a sample that follows a gap with unknown current."""
         dt_s, *measured = sample
@@ -146,6 +188,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def _begin_after_gap(self, first: SocSample, gap_s: float) -> None:
         """Restart before the first sample that follows such a gap."""
+        self._before_gap = BeforeGap(self.state, gap_s)
+        self._watch = watch_start(first, self._model) if self._model else None
         self.state, self.memory = after_gap(self.settings, self.state, first, gap_s), _NO_MEMORY
 
     def run(self, log: LogSource, progress: Progress | None = None, learnt_along: bool = True) -> SocRun:
@@ -193,24 +237,33 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         std = full_charge(self.settings).std if soc_std is None and takes_given_soc(self.settings) else soc_std
         assert self.last is not None
         self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
+        self._watch = None
         return estimate
 
     def _scan_log(self, log: Log, progress: Progress | None, at_end: Collection[str]) -> tuple[SocEstimate, float]:
-        """Estimates along a log and the run time [s]; the log is split where a column reports full and at long gaps."""
+        """Estimates along a log and the run time [s].
+
+        The log is split where a column reports full, at long gaps, and where the estimate starts again.
+        """
         samples = samples_of(log, self.time_s)
         says_full = says_full_at(self.settings, log)
         gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
         samples.dt_s[list(gaps)] = 0.0
+        again, watch = self._starts_over_at(samples, gaps, says_full)
         pieces, seconds, begin = [], 0.0, 0
-        for stop in sorted(({k + 1 for k in says_full} | gaps.keys() | {len(log)}) - {0}):
+        for stop in sorted(({k + 1 for k in says_full} | gaps.keys() | again | {len(log)}) - {0}):
             rows = SocSample(*(column[begin:stop] for column in samples))
             first = SocSample(*(float(column[0]) for column in rows))
             if begin in gaps:
                 self._begin_after_gap(first, gaps[begin])
+            if begin in again and self._model:
+                self._start_again_from(first, self._model)
             end_s = float(log.time_s[stop - 1])
             piece, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end)
             if begin in gaps:
                 piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP
+            if begin in again:
+                piece.flags[0] = int(piece.flags[0]) | SocFlag.RESTARTED
             if stop - 1 in says_full:
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
@@ -218,9 +271,28 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             self.memory = self.memory.after_log(log.time_s[begin:stop], piece)
             pieces.append(piece)
             seconds, begin = seconds + took_s, stop
+        self._watch = watch
         if len(pieces) == 1:
             return pieces[0], seconds
         return SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True))), seconds
+
+    def _starts_over_at(
+        self, samples: SocSample, gaps: Collection[int], says_full: Collection[int]
+    ) -> tuple[set[int], StartWatch | None]:
+        """Rows of a log from which the estimate starts again, and the watch of the start after the log."""
+        watch = self._watch
+        again: set[int] = set()
+        begins = sorted({0, *gaps})
+        for begin, end in zip(begins, [*begins[1:], len(samples.dt_s)], strict=True):
+            starts = begin in gaps or self._state is None
+            if self._model is None or (watch is None and not starts):
+                continue
+            full = min((k + 1 for k in says_full if begin <= k < end), default=None)
+            rows = SocSample(*(column[begin : full or end] for column in samples))
+            found, watch = wrong_starts(rows, self._model, None if starts else watch)
+            again |= {begin + k for k in found}
+            watch = None if full else watch
+        return again, watch
 
     def explain(self) -> Explanation:
         """State of charge in one sentence, the causes of its uncertainty, and what would settle it; takes about 50 ms.
@@ -271,6 +343,11 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
     if not isinstance(battery, Battery) and hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
     return make_estimator(filter, require_battery(battery, " or an estimator"))
+
+
+def model_of(settings: Estimator) -> Thevenin | None:
+    """Model of an estimator that starts from the first voltage; None for another one."""
+    return getattr(getattr(settings, "voltage_start", None), "model", None)
 
 
 def says_full_at(settings: Estimator, log: Log) -> set[int]:

@@ -27,13 +27,14 @@ from ohmward.battery.soc.clean_sample import (
     CleanSocSample,
     SampleLimits,
     first_input,
+    is_voltage,
     sample_limits,
     sanitize,
-    without_voltage,
 )
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
+from ohmward.battery.soc.voltage_faults import JUMP_LASTS_S, HeldVoltage, without_frozen, without_jump
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
@@ -41,7 +42,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, minimum, where
+from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
@@ -50,28 +51,6 @@ LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
 
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
-
-
-#: A voltage that stays the same to the last digit comes from a dead sensor if the ohmic drop of a load must have moved
-#: it by this many standard deviations of its noise: twice the step of a coarse converter.
-FROZEN_STD = 10.0
-
-#: A frozen voltage that was used for longer than this before it was found has corrupted SoC [s].
-FROZEN_S = 60.0
-
-#: A voltage jumps if it changes by more than this share of the full battery's, and this many times the drop that the
-#: change of the current causes, within this time [s].
-JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
-
-
-class HeldVoltage(NamedTuple):
-    """The last voltage, for how long it has stood still to the last digit, and one that jumped away from it."""
-
-    voltage_V: Scalar = -1.0  #: the initial value is one that no battery has
-    load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
-    used_s: Scalar = 0.0  #: time for which it has been used since then
-    frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
-    jumped_V: Scalar = -1.0  #: the next one must confirm it; without a jump one that no battery has
 
 
 class FilterState(NamedTuple):
@@ -87,7 +66,7 @@ class FilterState(NamedTuple):
     unknown_s: Scalar  #: time for which the current has not been known
     anchors: AnchorMemory  #: memory for the events that anchor SoC
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
-    held: HeldVoltage = HeldVoltage()  #: memory for a voltage that stands still
+    held: HeldVoltage = HeldVoltage()  #: memory for a voltage that jumps or stands still
 
 
 class CleanInput(NamedTuple):
@@ -206,14 +185,19 @@ class TheveninFilter:
             mean[j], cov[j, SOC], cov[SOC, j] = a * start.model_error, a * start.covariance, a * start.covariance
             for k, b in errors.items():
                 cov[j, k] = cov[j, k] + a * b * news
-        return state._replace(belief=pack(Belief(mean, cov)))
+        used = is_voltage(first.voltage_V, self.limits.lowest_ocv_V, self.limits.highest_ocv_V)
+        held = state.held._replace(jumped_V=where(used, first.voltage_V, -1.0), jumped_s=JUMP_LASTS_S)
+        return state._replace(belief=pack(Belief(mean, cov)), held=held)
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
         """State before the first sample at the given SoC, unchecked by its voltage; traceable, for microcontrollers."""
         u = first_input(first, self.limits.current_A)
         belief = pack(self.system.start(soc, soc_std, u))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory(), u.unknown_K)
+        held = HeldVoltage(current_A=u.current_A)
+        return FilterState(
+            belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory(), u.unknown_K, held
+        )
 
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
@@ -274,8 +258,8 @@ class TheveninFilter:
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
-        before, credible = self.without_jump(state.held, self.sanitize(state, sample))
-        held, misled, clean = self.without_frozen(before, credible)
+        before, credible = without_jump(state.held, self.sanitize(state, sample), self.model)
+        held, misled, clean = without_frozen(before, credible, self.model, self.noise)
         find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_top
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
@@ -284,50 +268,6 @@ class TheveninFilter:
         """The sample with impossible values replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC, state.unknown_K)
         return sanitize(sample, before, self.limits, state.unknown_s)
-
-    def without_jump(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, CleanSocSample]:
-        """The memory and the sample without a voltage that jumps though the current does not, until the next is alike.
-
-        The voltage of a battery changes at once by the drop of its current alone; another value is a fault of a sensor,
-        a converter or a message. Used, it decides between hypotheses that are all far from it.
-        """
-        cold = self.model.arrhenius_factor(clean.now.temperature_degC)
-        drop_V = self.largest_ohm * cold * abs(clean.change_A)
-        most_V = JUMP_SHARE * self.model.ocv.voltage_V[-1] + JUMP_DROPS * drop_V
-        leaves = (before.voltage_V > 0.0) & (abs(clean.voltage_V - before.voltage_V) > most_V)
-        again = abs(clean.voltage_V - before.jumped_V) <= most_V
-        jumped = clean.voltage_measured & leaves & logical_not(again) & (clean.dt_s <= JUMP_S)
-        jumped_V = where(jumped, clean.voltage_V, where(clean.voltage_measured, -1.0, before.jumped_V))
-        return before._replace(jumped_V=jumped_V), without_voltage(clean, jumped, SocFlag.VOLTAGE_REJECTED)
-
-    @cached_property
-    def largest_ohm(self) -> float:
-        """Resistance to a lasting current at the state of charge where it is largest, at the reference temperature."""
-        rows = [np.maximum(self.model.r0_discharge_ohm, self.model.r0_charge_ohm), *self.model.r_ohm]
-        return sum(float(np.max(row)) for row in rows)
-
-    def without_frozen(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, Any, CleanSocSample]:
-        """The memory after the sample, and the sample without a voltage that stands still while the load changes.
-
-        A charger holds the voltage too, while its current falls, so only loads count. The condition returned between
-        the two is that the next voltage shows the frozen one, used for `FROZEN_S`, not to have been the battery's: a
-        voltage that only lags behind its current moves by the drop of the load.
-        """
-        load_A = minimum(clean.now.current_A, 0.0)
-        same = clean.voltage_measured & (clean.voltage_V == before.voltage_V)
-        least_ohm = float(np.median(self.model.r0_discharge_ohm)) * math.exp(-self.noise.resistance_std)
-        drop_V = least_ohm * abs(load_A - before.load_A)
-        frozen = same & ((before.frozen > 0.0) | (drop_V > FROZEN_STD * self.noise.voltage_std_V))
-        held = HeldVoltage(
-            where(clean.voltage_measured, clean.voltage_V, before.voltage_V),
-            where(same, before.load_A, load_A),
-            where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
-            where(frozen, 1.0, 0.0),
-            before.jumped_V,
-        )
-        came_V = abs(clean.voltage_V - before.voltage_V)
-        misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
-        return held, misled & (came_V < 0.5 * drop_V), without_voltage(clean, frozen, SocFlag.NO_VOLTAGE)
 
     def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
         """The sample of a gassing battery without the parts that say nothing about its charge.

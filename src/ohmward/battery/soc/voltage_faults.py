@@ -1,0 +1,181 @@
+"""Voltages that are not the battery's although a battery could have them: those that jump, and those that stand still.
+
+The voltage of a battery changes at once by the drop of its current alone; another value is a fault of a sensor, a
+converter or a message. Used, it decides between hypotheses that are all far from it, and as the first voltage it starts
+an estimate at the wrong state of charge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin
+from ohmward.battery.soc.clean_sample import (
+    CleanSocSample,
+    first_input,
+    is_voltage,
+    sample_limits,
+    sanitize,
+    without_voltage,
+)
+from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.filters.sanitize import between
+from ohmward.trace import logical_not, maximum, minimum, where
+from ohmward.trace.expression import Scalar
+
+#: A voltage that stays the same to the last digit comes from a dead sensor if the ohmic drop of a load must have moved
+#: it by this many standard deviations of its noise: twice the step of a coarse converter.
+FROZEN_STD = 10.0
+
+#: A frozen voltage that was used for longer than this before it was found has corrupted SoC [s].
+FROZEN_S = 60.0
+
+#: A voltage jumps if it changes by more than this share of the full battery's beyond zero to this many times the drop
+#: that the change of the current causes, within this time [s].
+JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
+
+#: One that jumped is used once it has lasted for this long [s]: three samples in a row of a log at 0.1 Hz.
+JUMP_LASTS_S = 30.0
+
+
+class HeldVoltage(NamedTuple):
+    """The last voltage, for how long it has stood still to the last digit, and one that jumped away from it."""
+
+    voltage_V: Scalar = -1.0  #: the initial value is one that no battery has
+    load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
+    used_s: Scalar = 0.0  #: time for which it has been used since then
+    frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
+    jumped_V: Scalar = -1.0  #: the last one that jumped; without a jump one that no battery has
+    jumped_s: Scalar = 0.0  #: time for which it has lasted
+    current_A: Scalar = 0.0  #: current of the sample before the last
+
+
+def is_alike(clean: CleanSocSample, before_V: Scalar, earlier_A: Scalar, model: Thevenin) -> Any:
+    """True where the current explains the change from a voltage before to that of the sample; else it jumps.
+
+    earlier_A: current of the sample before the last, since a voltage may lag behind its current.
+    """
+    rows = [np.maximum(model.r0_discharge_ohm, model.r0_charge_ohm), *model.r_ohm]
+    lasting_ohm = sum(float(np.max(row)) for row in rows)  # to a lasting current, where it is largest
+    most_ohm = JUMP_DROPS * lasting_ohm * model.arrhenius_factor(clean.now.temperature_degC)
+    lagging_A = clean.now.current_A - earlier_A
+    fall_V = most_ohm * minimum(minimum(clean.change_A, lagging_A), 0.0)
+    rise_V = most_ohm * maximum(maximum(clean.change_A, lagging_A), 0.0)
+    noise_V = JUMP_SHARE * model.ocv.voltage_V[-1]
+    return between(clean.voltage_V - before_V, fall_V - noise_V, rise_V + noise_V)
+
+
+def without_jump(before: HeldVoltage, clean: CleanSocSample, model: Thevenin) -> tuple[HeldVoltage, CleanSocSample]:
+    """The memory and the sample without a voltage that jumps though the current does not, until it has lasted.
+
+    A voltage before which there was none waits for the next one to be alike.
+    """
+    leaves = logical_not(is_alike(clean, before.voltage_V, before.current_A, model))
+    again = is_alike(clean, before.jumped_V, before.current_A, model)
+    new_s = where(before.voltage_V > 0.0, 0.0, JUMP_LASTS_S)
+    lasts_s = where(again, before.jumped_s + clean.dt_s, new_s)
+    lasted = again & (lasts_s >= JUMP_LASTS_S)
+    jumped = clean.voltage_measured & leaves & logical_not(lasted) & (clean.dt_s <= JUMP_S)
+    jumped_V = where(jumped, clean.voltage_V, where(clean.voltage_measured, -1.0, before.jumped_V))
+    after = before._replace(
+        jumped_V=jumped_V,
+        jumped_s=where(jumped, lasts_s, before.jumped_s),
+        current_A=clean.now.current_A - clean.change_A,
+    )
+    return after, without_voltage(clean, jumped, SocFlag.VOLTAGE_REJECTED)
+
+
+class StartWatch(NamedTuple):
+    """The voltage that an estimator started from, while it may still prove to be none of the battery's."""
+
+    voltage_V: Scalar = math.nan  #: the last one like the first
+    now: CircuitInput = CircuitInput(0.0, ROOM_DEGC)  #: current and temperature of the last sample
+    current_A: Scalar = 0.0  #: of the sample before the last
+    age_s: Scalar = 0.0  #: time since the start
+    lasts_s: Scalar = 0.0  #: time from the start to the last voltage like the first
+    other_V: Scalar = math.nan  #: one that jumped away
+    other_s: Scalar = 0.0  #: time for which it has lasted
+
+    def after(self, sample: SocSample, model: Thevenin) -> tuple[StartWatch | None, bool]:
+        """The watch after a sample, None once the start is settled, and whether the start was wrong.
+
+        It was wrong if a voltage that jumped away has lasted for longer than the first.
+        """
+        clean = sanitize(sample, self.now, sample_limits(model))
+        if math.isnan(self.voltage_V) or clean.dt_s > JUMP_S:
+            return None, False
+        watch = self._replace(now=clean.now, current_A=self.now.current_A, age_s=self.age_s + clean.dt_s)
+        if not clean.voltage_measured:
+            return watch, False
+        if is_alike(clean, self.voltage_V, self.current_A, model):
+            alike = watch._replace(voltage_V=clean.voltage_V, lasts_s=watch.age_s, other_V=math.nan)
+            return (alike if watch.age_s < JUMP_LASTS_S else None), False
+        again = is_alike(clean, self.other_V, self.current_A, model)
+        watch = watch._replace(other_V=clean.voltage_V, other_s=self.other_s + clean.dt_s if again else 0.0)
+        return watch, bool(watch.other_s > watch.lasts_s)
+
+
+def watch_start(first: SocSample, model: Thevenin) -> StartWatch:
+    """The watch of a start from the voltage of this sample."""
+    limits = sample_limits(model)
+    used = is_voltage(first.voltage_V, limits.lowest_ocv_V, limits.highest_ocv_V)
+    u = first_input(first, limits.current_A)
+    return StartWatch(first.voltage_V if used else math.nan, u, u.current_A)
+
+
+def wrong_starts(
+    samples: SocSample, model: Thevenin, watch: StartWatch | None = None
+) -> tuple[list[int], StartWatch | None]:
+    """Rows of samples (T,) from which to start again, and the watch after them, None where the start is settled.
+
+    watch: before the samples; None where the estimator starts from the first of them.
+    """
+    begin = 0
+    again: list[int] = []
+    if watch is None:
+        watch = watch_start(_row(samples, 0), model)
+        begin = 1
+    for k in range(begin, len(samples.dt_s)):
+        if watch is None:
+            break
+        sample = _row(samples, k)
+        watch, wrong = watch.after(sample, model)
+        if wrong:
+            again.append(k)
+            watch = watch_start(sample, model)
+    return again, watch
+
+
+def _row(samples: SocSample, k: int) -> SocSample:
+    """Sample k of samples (T,)."""
+    return SocSample(*(float(column[k]) for column in samples))
+
+
+def without_frozen(
+    before: HeldVoltage, clean: CleanSocSample, model: Thevenin, noise: BatteryNoise
+) -> tuple[HeldVoltage, Any, CleanSocSample]:
+    """The memory after the sample, and the sample without a voltage that stands still while the load changes.
+
+    A charger holds the voltage too, while its current falls, so only loads count. The condition returned between the
+    two is that the next voltage shows the frozen one, used for `FROZEN_S`, not to have been the battery's: a voltage
+    that only lags behind its current moves by the drop of the load.
+    """
+    load_A = minimum(clean.now.current_A, 0.0)
+    same = clean.voltage_measured & (clean.voltage_V == before.voltage_V)
+    least_ohm = float(np.median(model.r0_discharge_ohm)) * math.exp(-noise.resistance_std)
+    drop_V = least_ohm * abs(load_A - before.load_A)
+    frozen = same & ((before.frozen > 0.0) | (drop_V > FROZEN_STD * noise.voltage_std_V))
+    held = before._replace(
+        voltage_V=where(clean.voltage_measured, clean.voltage_V, before.voltage_V),
+        load_A=where(same, before.load_A, load_A),
+        used_s=where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
+        frozen=where(frozen, 1.0, 0.0),
+    )
+    came_V = abs(clean.voltage_V - before.voltage_V)
+    misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
+    return held, misled & (came_V < 0.5 * drop_V), without_voltage(clean, frozen, SocFlag.NO_VOLTAGE)
