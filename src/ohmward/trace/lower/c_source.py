@@ -199,7 +199,7 @@ def _header(
     for struct, parts in structs.items():
         lines += _typedef(name, struct, parts, comments)
     for function in functions:
-        lines += textwrap.wrap(f"/* {function.comment} */", _WIDTH, subsequent_indent="   ")
+        lines += _comment(function.comment)
         lines += [f"{function.prototype};", ""]
     return "\n".join([*lines, *_END_OF_C_LINKAGE, "", "#endif", ""])
 
