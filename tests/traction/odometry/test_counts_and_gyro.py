@@ -8,12 +8,24 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from ohmward.filters.belief import unpack
+from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
+from ohmward.traction.odometry.corrections import COMPARED_S
 from ohmward.traction.odometry.measured_motion import turn_per_slip, turn_std
-from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE, OdometryNoise
+from ohmward.traction.odometry.model import (
+    AHEAD,
+    APART,
+    CURVATURE,
+    DELAY,
+    GYRO_SCALE,
+    NAMES,
+    OFFSET,
+    RADIUS,
+    TURN_SCALE,
+    OdometryNoise,
+)
 from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
@@ -210,6 +222,21 @@ def test_the_turn_that_a_dead_gyro_missed_is_the_wheels_and_covered_before_it_is
         missed.append(e.yaw_rad[-1] - drive.pose[-1, 2])
         wheels.append(alone.yaw_rad[-1] - drive.pose[-1, 2])
     assert np.mean(np.abs(missed)) < np.mean(np.abs(wheels)) + 0.1
+
+
+def test_noise_of_a_gyro_at_rest_is_no_turn_that_it_reports_late():
+    """A sawtooth about the offset, one for each comparison, where wheels and gyro are known to be 0.1 s apart."""
+    settings = replace(FILTER, noise=replace(FILTER.noise, encoder_std_rad=1e-9))
+    start = settings.init(settings.no_sample())
+    mean, cov = unpack(start.belief)
+    mean[AHEAD] = 0.1
+    cov[DELAY, DELAY] = cov[AHEAD, AHEAD] = 0.0
+    period = round(COMPARED_S / DT_S)
+    gyro = 0.005 + 0.01 * (np.tile(np.arange(period), 30) / (period - 1) - 0.5)
+    given = samples(settings, wheel_speed_rad_s=np.zeros((len(gyro), 2)), yaw_rate_rad_s=gyro)
+    kernel = Kernel(settings.step, start, settings.no_sample())
+    state, _ = kernel.scan(start._replace(belief=pack(Belief(mean, cov))), given)
+    assert_allclose(unpack(state.belief).mean[OFFSET], 0.005, atol=1e-4)
 
 
 def test_slip_in_turns_makes_them_smaller_to_both_sides():

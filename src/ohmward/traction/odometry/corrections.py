@@ -48,6 +48,7 @@ from ohmward.traction.odometry.model import (
     twist,
     yaw_now,
 )
+from ohmward.traction.odometry.modes import LEAST_STEP_S
 from ohmward.traction.odometry.sample import OdometrySample
 
 #: Time [s] over which the angles of gyro and wheels are compared: quantisation enters an angle only once.
@@ -170,8 +171,9 @@ def use_turn(
     wheels that stood:    0 = (t_g + t_w) (w - w_0) - (theta_g - b T) + e
 
     The noise of the gyro over the time T at rest is in the yaw and in d too, Cov(yaw, e) = -N^2 T = -Cov(d, e), so that
-    the wheels remove from both the turn of a bad gyro. A robot whose counts stay may still turn by a part of one; in
-    the n-th comparison at rest by 1 / n of it, as it has turned by less in all those before.
+    the wheels remove from both the turn of a bad gyro. That of its samples is in w and w_0, with the variance N^2 / dt
+    each. A robot whose counts stay may still turn by a part of one; in the n-th comparison at rest by 1 / n of it, as
+    it has turned by less in all those before, and w = w_0 from the second on.
 
     If a standing robot has turned by its gyro for longer than `reset_after_s`, the offset has changed. If wheels and
     gyro disagree, d is unknown.
@@ -182,13 +184,18 @@ def use_turn(
     stood = sums.rim_m <= STOOD_M
     rests = where(stood, sums.stood + 1.0, 0.0)
     counted = u.count_rad * u.count_rad / maximum(rests * rests, 1.0)
-    variance = counted + where(stood, sums.gyro_variance, 0.0) + STILL_TURN_RAD**2
     by_noise = where(stood, sums.gyro_variance, 0.0)
+    behind = where(rests > 1.0, 0.0, 1.0)
+    behind_s = behind * (body.belief.mean[DELAY] + body.belief.mean[AHEAD])
+    of_rates = where(stood, 2.0, 1.0) * u.gyro_variance / maximum(u.dt_s, LEAST_STEP_S)
+    variance = counted + by_noise + behind_s * behind_s * of_rates + STILL_TURN_RAD**2
     shared = np.array([{YAW: -by_noise, APART: by_noise}.get(i, 0.0) for i in range(len(NAMES))])
 
     def difference(x: np.ndarray) -> np.ndarray:
-        moving = x[APART] - (x[DELAY] + x[AHEAD]) * (u.gyro_rad_s - x[OFFSET])
-        at_rest = (x[DELAY] + x[AHEAD]) * (u.gyro_rad_s - sums.start_rad_s) - (sums.gyro_rad - x[OFFSET] * sums.time_s)
+        late_s = x[DELAY] + x[AHEAD]
+        moving = x[APART] - late_s * (u.gyro_rad_s - x[OFFSET])
+        turned = behind * (u.gyro_rad_s - sums.start_rad_s)
+        at_rest = late_s * turned - (sums.gyro_rad - x[OFFSET] * sums.time_s)
         return np.array([where(stood, at_rest, moving)])
 
     nu = -difference(body.belief.mean)[0]
