@@ -259,3 +259,14 @@ def test_coarse_counts_at_a_high_rate_are_no_jumps():
     e = scan(settings, samples(settings, wheel_speed_rad_s=speeds, dt_s=np.full(4000, dt_s)))[1]
     assert e.x_m[-1] == pytest.approx(way_m[-1] - way_m[0], rel=0.01)
     assert not (e.flags.astype(int) & OdometryFlag.WHEEL_JUMP).any()
+
+
+def test_unequal_wheels_turn_a_robot_that_scrubs_no_farther_than_its_other_turns():
+    """After a rest it makes a tenth of the turns of its wheels, and of the one by which they differ straight on."""
+    share, offset, steps = 0.1, 0.005, round(30.0 / DT_S)
+    speed, turn = np.repeat([[0.0, 0.5, 0.5, 0.5], [0.0, 0.0, 0.5, 0.0]], steps, axis=1)
+    rims_m_s = np.column_stack([speed, turn + 0.006 * speed]) @ RLMA.rolling[: RLMA.driven].T
+    wheels = rims_m_s / RLMA.wheel.radius_m
+    _, e = scan(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=share * turn + offset))
+    assert_allclose(e.gyro_offset_rad_s[-1], offset, atol=1e-4)
+    assert_allclose(e.yaw_rad[-1], share * np.sum(turn) * DT_S, atol=5e-3)

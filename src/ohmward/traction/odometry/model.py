@@ -1,7 +1,7 @@
 """Dead reckoning with the errors of its sensors as states.
 
     v = c v_r (1 + k) + sigma_v z_v,   l = l_r (1 + k) + sigma_l z_l
-    w_s = w_g - b with a gyro, else w_w = w_r (1 + k_w) + q v_r + sigma_w z_w,   w = w_s (1 + k_g)
+    w_s = w_g - b with a gyro, else w_w = (w_r + q v_r) (1 + k_w) + sigma_w z_w,   w = w_s (1 + k_g)
     x+ = x + dt (v cos m - l sin m),   y+ = y + dt (v sin m + l cos m),   m = yaw + w (t_g + dt/2),   yaw+ = yaw + w dt
     d+ = d + dt (w_w - (w_g - b))
 
@@ -10,6 +10,7 @@ Counts measure angles to within a fraction of a count, however far the wheels ha
 t_w) w, where wheels slip t_w ahead to begin a turn. d is in gyro units, and the gyro's scale k_g enters only in the
 pose: with (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for a smaller scale, and the filter would
 learn that. So k_w contains the errors of the track and of the gyro's scale, and its correction is shared between them.
+Wheels that scrub turn the robot less by all that they show, so k_w multiplies the curvature q from unequal ones too.
 
 A compass measures yaw + h, where h, its heading at yaw 0, is constant.
 
@@ -214,7 +215,8 @@ def moved(x: np.ndarray, u: MotionInput, rims: np.ndarray, time_s: Scalar) -> tu
     scale = 1.0 + u.scale * x[RADIUS]
     forward = rims[0] * scale + u.motion_std[0] * time_s * x[SLIP]
     left = rims[1] * scale + u.motion_std[1] * time_s * x[SIDE_SLIP]
-    turned = rims[2] * (1.0 + u.turn_scale) + rims[0] * x[CURVATURE] + u.motion_std[2] * time_s * x[TURN_SLIP]
+    by_rims = (rims[2] + rims[0] * x[CURVATURE]) * (1.0 + u.turn_scale)
+    turned = by_rims + u.motion_std[2] * time_s * x[TURN_SLIP]
     counts = u.by_gyro & (abs(u.usual_turn_rad_s) * USUAL_TURN_S < COUNTED * u.count_rad)
     scaled = where(counts, u.usual_turn_rad_s * time_s, rims[2])
     turn = turned + scaled * (x[TURN_SCALE] - u.turn_scale)
