@@ -127,9 +127,26 @@ def test_no_scale_is_learnt_at_rest_or_straight_on():
         assert abs(mean[CURVATURE]) < 3 * math.sqrt(cov[CURVATURE, CURVATURE]) + 1e-9
 
 
+def test_no_scale_is_learnt_from_the_turn_that_unequal_wheels_show_straight_on():
+    """Five minutes straight on, at 200 Hz, with wheels that differ by one standard deviation and a cheap gyro."""
+    steps, dt_s, noise = 60_000, 0.005, FILTER.noise
+    rng = np.random.default_rng(1)
+    motion = [0.5, 0.5 * noise.wheel_difference_std * turn_per_slip(RLMA)]
+    count = 2 * math.pi / 2000
+    angle = dt_s * np.arange(steps + 1)[:, None] * (RLMA.rolling[: RLMA.driven] @ motion / RLMA.wheel.radius_m)
+    wheels = np.diff(np.floor(angle / count + rng.random(2)), axis=0) * count / dt_s
+    gyro = 0.004 * rng.standard_normal(steps)
+    given = samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro, dt_s=np.full(steps, dt_s))
+    state, _ = scan(FILTER, given)
+    mean, cov = unpack(state.belief)
+    assert abs(mean[TURN_SCALE]) < 0.1 * math.sqrt(cov[TURN_SCALE, TURN_SCALE])
+
+
 def test_what_the_wheels_show_of_a_turn_is_shared_between_track_and_gyro():
     """Turns without slip by exact wheels: k_w = -0.01 is the gyro's half of it where both may err alike."""
-    noise = replace(OdometryNoise(), turn_share=0.0, gyro_offset_std_rad_s=1e-6, encoder_std_rad=1e-6)
+    noise = replace(
+        OdometryNoise(), turn_share=0.0, turn_scale_std=0.01, gyro_offset_std_rad_s=1e-6, encoder_std_rad=1e-6
+    )
     settings, time_s = PoseFilter(RLMA, noise), DT_S * np.arange(4000)
     turn = 0.6 * np.sin(0.05 * time_s)
     wheels = np.column_stack([np.full(4000, 0.5), turn]) @ RLMA.rolling[:2].T / RLMA.wheel.radius_m

@@ -293,6 +293,7 @@ def show(
         count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean),
         usual_turn_rad_s=now.usual_turn_rad_s,
+        straight_std_rad_s=turn_per_slip(robot) * hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * rim_m_s),
         turn_scale=x[TURN_SCALE],
         slip_sigmas=x[SLIP],
     )  # fmt: skip

@@ -53,7 +53,9 @@ class OdometryNoise:
     #: of the effective radius of all wheels: half a millimetre in 120 mm, and half of the creep of driven wheels; 0.003
     #: or less if it was calibrated on the ground that the robot drives on
     radius_std: float = 0.006
-    turn_scale_std: float = 0.01  #: of the effective track
+    #: of the effective track, by where wide tyres touch the ground and by slip that is the same in every turn; 0.01 or
+    #: less if it was calibrated by turning
+    turn_scale_std: float = 0.03
     #: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm in a diameter of 160 mm
     wheel_difference_std: float = 0.0006
     #: slip ratio of the driven wheels at constant speed; 0 if the radius contains it, because it was calibrated by
@@ -138,9 +140,9 @@ CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
 #: Standard deviation [rad] of an unknown heading.
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 
-#: Time constant [s] of the wheels' average yaw rate, and standard deviations of quantisation within which its angle in
-#: that time may be mere counting.
-USUAL_TURN_S, COUNTED = 0.5, 5.0
+#: Time constant [s] of the wheels' average yaw rate, and multiple of `MotionInput.straight_std_rad_s` below which it
+#: may be that of a robot that drives straight on.
+USUAL_TURN_S, STRAIGHT_STDS = 0.5, 5.0
 
 #: Standard deviations from which a slip is of another kind, and largest factor on its correlation time then.
 GROSS_SLIP, GROSS_LASTS = 5.0, 15.0
@@ -165,6 +167,7 @@ class MotionInput(NamedTuple):
     count_rad: Any  #: standard deviation of the wheels' turn, by quantisation
     unobserved_s: np.ndarray  #: (3,) time since each motion was last observed
     usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
+    straight_std_rad_s: Any = 0.0  #: of that of a robot that drives straight on, by quantisation and unequal wheels
     #: estimates of k_w and of the forward slip before the step
     turn_scale: Any = 0.0
     slip_sigmas: Any = 0.0
@@ -209,16 +212,16 @@ def moved(x: np.ndarray, u: MotionInput, rims: np.ndarray, time_s: Scalar) -> tu
 
     rims: (3,) displacement by the rims in that time.
 
-    The scale of the wheels' turn multiplies the turn of the step, or the average one while that may be mere counting:
-    wheels and gyro then differ by quantisation, and the filter would learn the scale from it.
+    The scale of the wheels' turn multiplies the turn of the step, or the average one while the robot may drive straight
+    on: wheels and gyro then differ by quantisation and unequal wheels, and the filter would learn the scale from it.
     """
     scale = 1.0 + u.scale * x[RADIUS]
     forward = rims[0] * scale + u.motion_std[0] * time_s * x[SLIP]
     left = rims[1] * scale + u.motion_std[1] * time_s * x[SIDE_SLIP]
     by_rims = (rims[2] + rims[0] * x[CURVATURE]) * (1.0 + u.turn_scale)
     turned = by_rims + u.motion_std[2] * time_s * x[TURN_SLIP]
-    counts = u.by_gyro & (abs(u.usual_turn_rad_s) * USUAL_TURN_S < COUNTED * u.count_rad)
-    scaled = where(counts, u.usual_turn_rad_s * time_s, rims[2])
+    straight = u.by_gyro & (abs(u.usual_turn_rad_s) < STRAIGHT_STDS * u.straight_std_rad_s)
+    scaled = where(straight, u.usual_turn_rad_s * time_s, rims[2])
     turn = turned + scaled * (x[TURN_SCALE] - u.turn_scale)
     return np.array([forward, left, turn]), (u.gyro_rad_s - x[OFFSET]) * time_s
 
