@@ -163,6 +163,21 @@ def test_a_battery_that_was_charged_meanwhile_is_told_by_its_voltage(battery):
     assert state.battery.soc > 0.85
 
 
+@pytest.mark.parametrize("away_s", [3600.0, 3 * 3600.0])
+def test_a_wrong_first_voltage_after_an_absence_changes_nothing(battery, away_s):
+    """A converter starts with the computer."""
+    before: Any = driven(battery)
+    right_V = float(battery.thevenin.ocv.mean_V(before.state.battery.soc, 25.0))
+    found = []
+    for first_V in (right_V, 12.0):
+        after = Estimation(battery)
+        resume(after, remember(before, 1300.0), away_s, 5.0)
+        for k, voltage_V in enumerate([first_V, right_V, right_V]):
+            state: Any = one(after.put(5.0 + k, {"battery_current_A": -0.2, "battery_voltage_V": voltage_V}))
+        found.append(state.battery.soc)
+    assert found[1] == pytest.approx(found[0], abs=0.005)
+
+
 def test_a_battery_changed_during_an_absence_begins_with_its_own_voltage(battery):
     before = driven(battery)
     after = Estimation(battery)

@@ -19,6 +19,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.given_soc import after_first_voltage, takes_given_soc
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
+from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
@@ -93,6 +94,8 @@ class Estimation:
         self.shift_s = 0.0
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
         self.absence: tuple[float, SocNormal] | None = None
+        #: That voltage, until the next one is like it, nan without one: one alone may not be the battery's.
+        self._first_V = math.nan
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
         #: Totals over the robot's life, as far as known; continued from a snapshot.
@@ -227,7 +230,7 @@ class Estimation:
         assert self.soc is not None
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
-        if self.absence and math.isfinite(voltage_V):
+        if self.absence and self._is_like_the_first(voltage_V):
             away_s, before = self.absence
             first = SocSample(away_s, current_A, voltage_V, self._temperature_degC)
             self.soc.state = after_first_voltage(self.soc.settings, self.soc.state, first, before)
@@ -247,6 +250,13 @@ class Estimation:
             )
         measured = {**sample.values, **self._taken_beside("battery")}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _is_like_the_first(self, voltage_V: float) -> bool:
+        """True for a voltage like the one before, the first or second after an absence."""
+        if self.battery is None or not math.isfinite(voltage_V):
+            return False
+        before_V, self._first_V = self._first_V, voltage_V
+        return abs(voltage_V - before_V) <= JUMP_SHARE * self.battery.thevenin.ocv.voltage_V[-1]
 
     def _travel_speed_m_s(self) -> float | None:
         """Speed for the range: forward, or in any direction for an omni-directional robot."""

@@ -22,6 +22,7 @@ from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
+from ohmward.battery.soc.voltage_faults import HeldVoltage
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
@@ -54,18 +55,23 @@ def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
 def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) -> Any:
     """State after `away_s` [s] without samples or current, in which SoC moved with standard deviation `moved_std`.
 
-    The errors of the curve stay with SoC as they were: the first voltage afterwards has the error of the last one.
+    The errors of the curve stay with SoC as they were: the first voltage afterwards has the error of the last one. It
+    is no jump, and the filter uses none before a second one is like it.
     """
 
     def rested(member: FilterState) -> FilterState:
         belief = _single(settings).system.at_rest(unpack(member.belief), away_s, float(member.temperature_degC))
-        return member._replace(belief=pack(inflate(belief, SOC, moved_std**2)), current_A=0.0, rest_s=0.0)
+        return member._replace(
+            belief=pack(inflate(belief, SOC, moved_std**2)), current_A=0.0, rest_s=0.0, held=HeldVoltage()
+        )
 
     return _of_each(rested, settings, state)
 
 
 def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: SocNormal) -> Any:
     """State after the first voltage that follows an absence, one more update; `sample` has the time away as its step.
+
+    Call it when a second voltage is like the first: the first one may not be the battery's.
 
     Where it contradicts the charge `before` it, somebody has charged or used the battery: the voltage alone counts.
     """
