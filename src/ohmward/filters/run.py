@@ -57,11 +57,14 @@ class Run(RichDisplay, Generic[E]):
     def to_pandas(self) -> DataFrame:
         """A row for each sample, indexed by `time_s`; flags are integers, arrays are columns `name_0`, `name_1`, ...
 
+        What the run has stored at the end of the log only is left out.
+
         Raises:
             MissingPackageError: pandas is not installed.
         """
         pandas = require("pandas", "to_pandas")
-        data = {**dict(columns(self.estimates)), "flags": self.flags}
+        along = {name: values for name, values in columns(self.estimates) if len(values) == len(self.time_s)}
+        data = {**along, "flags": self.flags}
         return pandas.DataFrame(data, index=pandas.Index(self.time_s, name="time_s"))
 
 

@@ -121,3 +121,13 @@ def test_samples_that_are_further_apart_by_choice_are_no_gaps():
     patient = replace(settings, gap_s=10 * HOUR)
     run = SocEstimator(patient).run(log)
     assert not np.any(run.flags & SocFlag.GAP)
+
+
+def test_what_is_stored_at_the_end_only_is_one_value_also_after_a_gap():
+    log, _, _ = charged_unseen("lfp")
+    along, at_end = (SocEstimator(label("lfp"), 0.8).run(log, learnt_along=given) for given in (True, False))
+    assert at_end.soh_capacity.shape == (1,)
+    assert at_end.soh_capacity[0] == along.soh_capacity[-1]
+    pytest.importorskip("pandas")
+    frame = at_end.to_pandas()
+    assert len(frame) == len(log) and "soc" in frame and "soh_capacity" not in frame

@@ -274,7 +274,11 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self._watch = watch
         if len(pieces) == 1:
             return pieces[0], seconds
-        return SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True))), seconds
+        whole = [
+            parts[-1] if name in at_end else np.concatenate(parts)
+            for name, *parts in zip(SocEstimate._fields, *pieces, strict=True)
+        ]
+        return SocEstimate._make(whole), seconds
 
     def _starts_over_at(
         self, samples: SocSample, gaps: Collection[int], says_full: Collection[int]
