@@ -149,3 +149,14 @@ def test_the_start_is_settled_after_a_while():
     first = watch_start(SocSample(0.0, 0.0, 13.2, 25.0), battery.thevenin)
     again, watch = wrong_starts(samples, battery.thevenin, first)
     assert (again, watch) == ([], None)
+
+
+@pytest.mark.parametrize("spread_V", [0.3, 3.0])
+@pytest.mark.parametrize("rows", [20, 60])
+def test_a_voltage_that_hardly_moves_is_settled_as_one_watched_row_by_row(spread_V, rows):
+    model = battery_of("lfp").thevenin
+    voltage_V = 13.2 + spread_V * np.random.default_rng(2).uniform(-0.5, 0.5, rows)
+    samples = SocSample(np.r_[0.0, np.ones(rows - 1)], np.zeros(rows), voltage_V, np.full(rows, 25.0))
+    first, later = (SocSample(*(column[part] for column in samples)) for part in (0, slice(1, None)))
+    again, watch = wrong_starts(later, model, watch_start(first, model))
+    assert wrong_starts(samples, model) == ([k + 1 for k in again], watch)

@@ -135,6 +135,8 @@ def wrong_starts(
 
     watch: before the samples; None where the estimator starts from the first of them.
     """
+    if watch is None and _hardly_moves(samples, model):
+        return [], None
     begin = 0
     again: list[int] = []
     if watch is None:
@@ -149,6 +151,18 @@ def wrong_starts(
             again.append(k)
             watch = watch_start(sample, model)
     return again, watch
+
+
+def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
+    """True where no two voltages are far enough apart for a jump until a start from the first of samples is settled."""
+    elapsed_s = np.cumsum(samples.dt_s) - samples.dt_s[0]
+    settled = np.flatnonzero(elapsed_s >= JUMP_LASTS_S)
+    if not settled.size:
+        return False
+    until = slice(0, int(settled[0]) + 1)
+    steps_s = samples.dt_s[until][1:]
+    regular = bool(np.all((steps_s >= 0.0) & (steps_s <= JUMP_S)))
+    return regular and bool(np.ptp(samples.voltage_V[until]) <= JUMP_SHARE * model.ocv.voltage_V[-1])
 
 
 def _row(samples: SocSample, k: int) -> SocSample:
