@@ -50,6 +50,12 @@ def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
     assert any("current from 'current'" in note.text for note in read_log(write_text(wider)).notes)
 
 
+def test_the_input_of_a_converter_is_of_the_battery(write_text, pulses):
+    rows = (f"{t},{u},{-i},5.0,{-2.2 * i}" for t, i, u in zip(*pulses, strict=True))
+    text = "\n".join(["time_s,input_voltage,input_current,output_voltage,output_current", *rows])
+    np.testing.assert_allclose(read_log(write_text(text)).current_A, pulses[1], atol=1e-12)
+
+
 @pytest.mark.parametrize("quantity", ["current", "power"])
 def test_what_flows_in_and_out_at_once_is_not_of_a_battery(write_text, quantity):
     """A converter beside it, of an efficiency of 0.9."""

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import CURRENT, VOLTAGE, Channel, letters, word_set
-from ohmward.logs.columns import Column, find_column
+from ohmward.logs.channels import CURRENT, IN, OUT, VOLTAGE, Channel, letters, word_set
+from ohmward.logs.columns import Column, find_column, has_input_voltage
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import labels_in
 from ohmward.logs.table import Note, Table, TableFile, numbers
@@ -136,9 +136,8 @@ def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if is_milli else "v"]
 
 
-_IN, _OUT = word_set("in input eingang"), word_set("out output ausgang")
-_CHARGE = _IN | word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
-_DISCHARGE = _OUT | word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
+_CHARGE = IN | word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
+_DISCHARGE = OUT | word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
 #: What goes in and out may be the two sides of a converter, which flow at once: of a battery, both flow in fewer than
 #: this share of the samples, the smaller one at more than this share of the usual size.
 _MOST_AT_ONCE = 0.05
@@ -160,6 +159,8 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
     for quantity, column, unit in (("current", _CURRENT, CURRENT.default), ("power", _POWER_COLUMN, UNITS["w"])):
         both = [_only([n for n in file.names if _is_one_way(n, way, unit)]) for way in (_CHARGE, _DISCHARGE)]
         names = [name for name in both if name is not None]
+        if any((IN | OUT) & set(letters(name)) for name in names) and has_input_voltage(file.names):
+            continue
         if len(names) == len(both) and not _has(file, CURRENT, columns, names):
             less = partial(_difference, quantity=quantity, names=names, default=unit)
             return file.with_column(column, names, less)._replace(positive_current="charge")
@@ -171,7 +172,7 @@ def _difference(table: Table, quantity: str, names: Sequence[str], default: Unit
     units = [unit_in_name(name, (default.dimension,)) or default for name in names]
     sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in zip(units, names, strict=True)])
     charge, discharge = np.nan_to_num(sizes)
-    if any((_IN | _OUT) & set(letters(name)) for name in names):
+    if any((IN | OUT) & set(letters(name)) for name in names):
         _check_one_way(charge, discharge, quantity, names)
     values = charge - discharge
     values[np.isnan(sizes).all(axis=0)] = np.nan

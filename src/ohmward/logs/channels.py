@@ -63,6 +63,9 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
+#: Words of what goes into a battery or a converter, and out of it.
+IN, OUT = word_set("in input eingang"), word_set("out output ausgang")
+
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "

@@ -9,7 +9,19 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import BATTERY, CURRENT, TEMPERATURE, TIME, VOLTAGE, Channel, channel_of, letters, word_set
+from ohmward.logs.channels import (
+    BATTERY,
+    CURRENT,
+    IN,
+    OUT,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
+    Channel,
+    channel_of,
+    letters,
+    word_set,
+)
 from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of, without_notation
 
 # Words that make a column something other than a measurement of the battery.
@@ -33,7 +45,6 @@ _WALL_CLOCK = (
 )
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
-_IN, _OUT = word_set("in input"), word_set("out output")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -238,15 +249,20 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     if channel is TIME:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
-    if channel is CURRENT and sum(bool(_IN & set(letters(name))) for name in names) == 1:
+    if channel is CURRENT and not has_input_voltage(names):
         fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
+
+
+def has_input_voltage(names: Sequence[str]) -> bool:
+    """True where more than a current goes in: the names are of a converter, whose input is the battery."""
+    return sum(bool(IN & set(letters(name))) for name in names) > 1
 
 
 def _is_way_back(name: str, other: str) -> bool:
     """True for a current out next to one in, neither alone the battery's; a converter has a voltage in, too."""
     words, beside = set(letters(name)), set(letters(other))
-    return bool(words & _IN and beside & _OUT) and words - _IN == beside - _OUT
+    return bool(words & IN and beside & OUT) and words - IN == beside - OUT
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
