@@ -168,3 +168,20 @@ def test_a_date_that_may_be_read_in_two_ways_comes_with_a_format_that_works():
     assert "--time-format '%d.%m.%Y %H:%M:%S'" in str(note)
     with pytest.raises(InputError, match="leave out the name of the zone and give it with --timezone"):
         clock(text("2026-03-10 08:00:00 CET"))
+
+
+@pytest.mark.parametrize(
+    ("counts", "unit", "step"),
+    [(2**32, "ms", 100), (2**32, "us", 20_000), (2**32 / 1e6, "s", 0.02), (2**32 / 1e3, None, 1.0), (2**16, "s", 1)],
+)
+def test_a_counter_that_begins_again_at_the_end_of_its_range_goes_on(counts, unit, step):
+    times = counts - 10 * step + step * np.arange(50)
+    read = clock(times % counts, unit)
+    np.testing.assert_allclose(np.diff(read.time_s), step * UNITS[unit or "s"].scale, rtol=1e-6)
+    assert ["a counter that begins again after" in note.text for note in read.notes][-1]
+
+
+@pytest.mark.parametrize("last", [4_290_000_000, 4_294_967_295 - 5_000, 70_000])
+def test_a_logger_that_was_restarted_is_no_counter_at_the_end_of_its_range(last):
+    times = np.concatenate([last - 1000 * np.arange(50)[::-1], 1000 * np.arange(50)])
+    assert clock(times, "ms").time_s[50] == 0.0

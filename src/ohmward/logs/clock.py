@@ -45,6 +45,11 @@ _SET_FROM_S = 365.0 * DAY_S
 #: Largest interval of serial dates, 100 s in days; read as seconds it would be about 1 ms.
 _SERIAL_STEP = 100.0 / DAY_S
 
+#: Ranges of counters: 16 and 32 bits, and 32 bits of milliseconds or microseconds as seconds. Largest deviation of the
+#: step over the end of the range, as a share of the usual step.
+_RANGES = (2.0**16, 2.0**32, 1e-3 * 2.0**32, 1e-6 * 2.0**32)
+_USUAL_STEP = 0.6
+
 
 class Clock(NamedTuple):
     """Seconds of each row."""
@@ -198,10 +203,34 @@ def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileH
         unit = UNITS["s"]
         notes = (Note(f"column {column.name!r} names no unit: assumed to be seconds"),)
     if not _is_unix(first * unit.scale):
-        return Clock(_scaled(values, unit.scale), None, notes, column.unit is None)
+        values, wrapped = _without_wraps(values, column.name)
+        return Clock(_scaled(values, unit.scale), None, (*notes, *wrapped), column.unit is None)
     if column.unit is None:
         notes = (Note(f"column {column.name!r} read as Unix time in {unit.symbol}"),)
     return Clock(_scaled(values - first, unit.scale), float(first * unit.scale), notes)
+
+
+def _without_wraps(values: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Times (T,) of a counter that goes on where it began again at 0, and a note if it did.
+
+    Everywhere that it falls, the range of the counter added makes the usual step, as it would not if the logger had
+    been restarted.
+    """
+    if not np.any(values[1:] < values[:-1]):  # nearly always so
+        return values, ()
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[known].astype(float))
+    falls = steps < 0.0
+    if not (steps > 0.0).any():
+        return values, ()
+    usual = np.median(steps[steps > 0.0])
+    for counts in _RANGES:
+        if np.all(np.abs(steps[falls] + counts - usual) <= _USUAL_STEP * usual):
+            added = np.zeros(values.size)
+            added[known[1:][falls]] = counts
+            note = Note(f"column {name!r}: a counter that begins again after {counts:.10g}: joined", "warning")
+            return values + np.cumsum(added), (note,)
+    return values, ()
 
 
 def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
