@@ -54,6 +54,16 @@ def test_a_charge_that_no_battery_holds_asks_for_the_unit(write_text):
         read_log(write_text("time,current_A,voltage_V\n" + "\n".join(rows)))
 
 
+@pytest.mark.parametrize("name", ["voltage", "Volt"])
+def test_a_voltage_that_no_battery_has_asks_for_the_unit(write_text, name):
+    rows = [f"{k},{13_200 - 100 * (k % 20 < 10)},{-4_000 * (k % 20 < 10)}" for k in range(200)]
+    path = write_text("\n".join([f"time_s,{name},current", *rows]))
+    with pytest.raises(InputError, match=rf"'{name}' is usually 131\d\d V, more than .* --unit voltage=mV"):
+        read_log(path)
+    assert read_log(path, units={"voltage": "mV", "current": "mA"}).voltage_V.max() == pytest.approx(13.2)
+    assert read_log(path, units={"voltage": "V", "current": "mA"}).voltage_V.max() == 13_200.0
+
+
 @pytest.mark.parametrize(("interval", "doubted"), [(1.0, False), (5.0, False), (20.0, True), (60.0, True)])
 def test_seconds_that_may_be_milliseconds_are_doubted(write_text, interval, doubted):
     """A battery logged every 20 s, or at 50 Hz in milliseconds: only who made the log knows."""
@@ -130,3 +140,9 @@ def test_a_long_table_of_centuries_is_refused(write_text):
     rows = "2026-01-01T00:00:00Z,current,1\n2026-01-01T00:00:00Z,voltage,12\n9999-12-31T00:00:00Z,voltage,12\n"
     with pytest.raises(InputError, match=r"gives a log of 7,97\d years"):
         read_log(write_text(f"time,name,value\n{rows}"))
+
+
+def test_one_time_for_all_rows_is_no_clock(write_text):
+    rows = [f"5,{-1.0 * (k % 9 < 4)},{13.0 - 0.02 * (k % 9 < 4)}" for k in range(90)]
+    with pytest.raises(InputError, match=r"column 'time_s' is 5 in all 90 rows; .*--sample-time 1"):
+        read_log(write_text("\n".join(["time_s,current_A,voltage_V", *rows])))

@@ -424,6 +424,25 @@ def require_plausible(
     return (Note(f"{text}milliseconds, say {' '.join(option)}", "warning", option),)
 
 
+def require_voltage(source: str, name: str, voltage_V: np.ndarray) -> None:
+    """Refuse a voltage that is usually more than that of any battery.
+
+    name: of its column.  voltage_V: (T,) [V], nan where it is not known.
+
+    Raises:
+        InputError: names the voltage, and the option that says its unit.
+    """
+    known = np.abs(voltage_V[np.isfinite(voltage_V)])
+    highest_V = QUANTITIES["battery_voltage_V"].limits.highest
+    if not known.size or (usual_V := float(np.median(known))) <= highest_V:
+        return
+    raise InputError(
+        f"{source}: column {name!r} is usually {usual_V:.5g} V, more than the {highest_V:g} V of any battery; say its "
+        "unit with --unit voltage=mV (units={'voltage': 'mV'}), or, if it is right, voltage=V",
+        ("--unit", "voltage=mV"),
+    )
+
+
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
     """Refuse a drive with an implausible sampling interval if the unit of the time is a guess.
 

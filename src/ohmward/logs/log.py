@@ -198,6 +198,8 @@ def read_log(
 
     def to_numbers(table: Table) -> Table:
         table = clean.to_si(table, chosen)
+        if "voltage" not in (units or {}):
+            clean.require_voltage(file.source, chosen["voltage"].name, table.columns[chosen["voltage"].name])
         if state is None or state not in table.columns:
             return table
         name = chosen["current"].name

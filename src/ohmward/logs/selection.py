@@ -411,12 +411,18 @@ def _spread(table: Table, time: str) -> Table:
 
     The interval of the stamps is the smallest between two of them. Next to a pause, at the start and at the end, a
     stamp may hold fewer rows than fit into its interval: these are placed at the usual distance from each other, from
-    the stamp on before a pause, and up to the next stamp after it.
+    the stamp on before a pause, and up to the next stamp after it. With a single stamp it is refused.
     """
     time_s = table.columns[time]
     stamp_s, group, count = np.unique(time_s, return_inverse=True, return_counts=True)
     steps = np.diff(stamp_s)
-    interval_s = float(np.quantile(steps, _SMALLEST_STEP, method="lower")) if steps.size else 1.0
+    if not steps.size:
+        raise InputError(
+            f"{table.source}: column {time!r} is {stamp_s[0]:g} in all {time_s.size} rows; name another one with "
+            "--column time=NAME (columns={'time': NAME}), or give the interval between rows with --sample-time 1 "
+            "(FileHints(sample_time_s=1))"
+        )
+    interval_s = float(np.quantile(steps, _SMALLEST_STEP, method="lower"))
     room_s = np.minimum(np.append(steps, interval_s), interval_s)
     is_pause = np.append(steps, np.inf) > _PAUSE * interval_s
     after_pause = np.concatenate([[True], is_pause[:-1]])
