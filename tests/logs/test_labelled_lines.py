@@ -16,6 +16,8 @@ from ohmward.logs.objects_file import is_labelled, rows_of_lines
         ("V:12.3,I:-1.2", {"V": 12.3, "I": -1.2}),
         ("volts = 12.3 V; amps = -1.2 A", {"volts [V]": 12.3, "amps [A]": -1.2}),
         ("09:15:00.123 -> V:12.3 I:-1.2", {"time": "09:15:00.123", "V": 12.3, "I": -1.2}),
+        ("[09:15:00.123] V=12.3V I=-1.2A", {"time": "09:15:00.123", "V [V]": 12.3, "I [A]": -1.2}),
+        ("2026-03-28T09:15:00Z V: 12.3 I: -1.2", {"time": "2026-03-28T09:15:00Z", "V": 12.3, "I": -1.2}),
     ],
 )
 def test_a_line_is_a_row(line, row):

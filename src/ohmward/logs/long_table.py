@@ -25,8 +25,21 @@ class LongColumns(NamedTuple):
     holds: bool = False  #: values are written on change only, and hold until the next one
 
 
-_NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag")
-_VALUES = ("value", "val", "reading")
+_NAMES = (
+    "name",
+    "variable",
+    "metric",
+    "sensor",
+    "field",
+    "signal",
+    "channel",
+    "parameter",
+    "key",
+    "quantity",
+    "tag",
+    "topic",
+)
+_VALUES = ("value", "val", "reading", "payload")
 _TIMES = ("time", "timestamp", "ts", "date", "datetime")
 
 

@@ -31,8 +31,10 @@ _PROTOCOL = re.compile(
 _TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_VALUE})")
 #: Digits of a whole number that is too long for a stamp in nanoseconds.
 _TOO_LONG = 20
-#: Time that the serial monitor of Arduino writes before a line.
-_MONITOR = re.compile(r"(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?) -> ")
+#: Time or date that serial monitors write before a line: `09:15:00.000 -> `, `[09:15:00] `, `2026-03-28T09:15:00Z `.
+_MONITOR = re.compile(
+    r"\[?(?P<time>(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)?)\]?(?: *->| *[>:|,])? +"
+)
 _PAIR = re.compile(
     r"(?P<name>[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
     r"\s?(?P<unit>[A-Za-z°%µ]+(?![\w:=]))?(?=[\s,;|]|$)"
