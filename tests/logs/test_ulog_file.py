@@ -70,6 +70,16 @@ def test_a_file_that_was_cut_gives_what_is_before_the_cut(tmp_path):
     assert 0.4 * N < len(read_log(path, current_sign="discharge")) < 0.6 * N
 
 
+def test_what_cannot_be_read_is_not_printed(tmp_path, capfd):
+    """Standard output carries results, of which one may be JSON."""
+    path = tmp_path / "log.ulg"
+    known = write_ulog(path)
+    with path.open("ab") as stream:
+        stream.write(record(b"D", struct.pack("<HQ", 77, 0)))  # of no subscription
+    np.testing.assert_array_equal(read_log(path).voltage_V, known["voltage"])
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_topic_whose_time_is_damaged_is_left_out(tmp_path):
     path = tmp_path / "log.ulg"
     write_ulog(path)

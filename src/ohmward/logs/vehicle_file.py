@@ -34,7 +34,11 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     """The columns of a ULog file; of a truncated one those before the cut."""
     pyulog = require("pyulog", "a ULog file")
     # our own stream: pyulog leaves its stream open on errors
-    with parsing(path, "no readable ULog file", "download it from the vehicle again"), path.open("rb") as stream:
+    with (
+        parsing(path, "no readable ULog file", "download it from the vehicle again"),
+        silenced(),  # it prints what it cannot read
+        path.open("rb") as stream,
+    ):
         log = pyulog.ULog(stream, disable_str_exceptions=True)
     streams = {}
     timed = [data for data in log.data_list if "timestamp" in data.data]
