@@ -22,6 +22,7 @@ from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import Kernel
 from ohmward.trace.structure import side_by_side
 from ohmward_lab.assess.draws import generator, signs
@@ -121,10 +122,10 @@ SITUATIONS = (
 
 
 CHEMISTRIES = tuple(BATTERIES)
-SHIFT_S = 8 * 3600.0
+SHIFT_S = 8 * SECONDS_PER_HOUR
 #: Range of the state of charge at which a shift begins.
 _START_SOC = (0.8, 1.0)
-_DRIVING_S, _IDLING_S, _CHARGING_S = 3 * 3600.0, 900.0, 4500.0
+_DRIVING_S, _IDLING_S, _CHARGING_S = 3 * SECONDS_PER_HOUR, 900.0, 4500.0
 #: Currents of the idle robot and of the charger, as multiples of 1 C.
 _IDLE_C, _RECHARGE_C = 0.06, 0.5
 #: Capacity for which the currents of the robot's drives are defined [Ah].

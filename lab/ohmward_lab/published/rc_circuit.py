@@ -28,6 +28,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.errors import InputError
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
 
@@ -44,7 +45,7 @@ def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
     span = ocv.voltage_V[-1] - ocv.voltage_V[0]
     if not span > 0:
         raise InputError(f"ocv.voltage_V must rise from SoC 0 to 1 to give a capacitance, but rises by {span:g} V")
-    return 3600.0 * capacity_Ah / span
+    return SECONDS_PER_HOUR * capacity_Ah / span
 
 
 def dc_resistance(p: Circuit | RcModel) -> Any:

@@ -37,6 +37,7 @@ from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, 
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, require_gate, time_rejected
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import isfinite, linearize, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward_lab.published import rc_circuit
@@ -266,7 +267,7 @@ class RcJoint:
         charge_As2 = self.current_std_A**2 * dt_s + where(clean.current_known, 0.0, (self.unknown_A * dt_s) ** 2)
         per_V = 1 / (self.nominal.c_bulk_F + self.nominal.c_surface_F), 0.5 / self.nominal.c_surface_F
         disturbance = [self.disturbance_V**2 * dt_s] if self.voltage_as == "state" else []
-        walk = [walk_variance(self.parameter_walk, 3600.0, dt_s)] * PARAMETERS
+        walk = [walk_variance(self.parameter_walk, SECONDS_PER_HOUR, dt_s)] * PARAMETERS
         Q = np.diag(np.array([*walk, *(charge_As2 * g**2 for g in per_V), *disturbance]))
         if not self.match_Q:
             return Q

@@ -10,6 +10,7 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import Log
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
@@ -62,7 +63,7 @@ def robot_discharge(
     """[P] 4: a pulse test and the robot's discharge from full to `end_soc`, by the sensors of its table 2, at 1 Hz."""
     rng = np.random.default_rng(seed)
     sensors = farm_sensors(rng)
-    profile = drive(rng, MissionRobot(), 3600.0 * 12.0)
+    profile = drive(rng, MissionRobot(), 12 * SECONDS_PER_HOUR)
     profile = profile._replace(
         current_A=profile.current_A * (mean_A / -profile.current_A.mean()),
         ambient_degC=np.full(profile.time_s.size, ROOM_DEGC),
@@ -97,7 +98,7 @@ def resistor_pulses(battery: SimulatedBattery, load_ohm: float, pulses: int) -> 
     for _ in range(pulses):
         begin = time_s[-1] + EDGE_S
         first_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
-        soc -= first_A * _TEST_PULSE_S / 3600.0 / battery.circuit.capacity_Ah
+        soc -= first_A * _TEST_PULSE_S / SECONDS_PER_HOUR / battery.circuit.capacity_Ah
         last_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
         end = begin + _TEST_PULSE_S
         time_s += [begin, end, end + EDGE_S, end + EDGE_S + _TEST_REST_S]
@@ -108,7 +109,7 @@ def resistor_pulses(battery: SimulatedBattery, load_ohm: float, pulses: int) -> 
 def joystick_drive(battery: SimulatedBattery, soc: tuple[float, float], seed: int) -> TestedBattery:
     """Pulse test and a drive by joystick between two states of charge, at 1 Hz, by laboratory sensors ([T] 3.4)."""
     rng = np.random.default_rng(seed)
-    profile = joystick(rng, battery.circuit.capacity_Ah, 3600.0 * 12.0)
+    profile = joystick(rng, battery.circuit.capacity_Ah, 12 * SECONDS_PER_HOUR)
     down = _down_to(profile, battery.circuit.capacity_Ah, soc[1], soc[0])
     return _recording(battery, pulse_test(battery), down, soc, _laboratory(), rng)
 
@@ -138,7 +139,7 @@ def _laboratory() -> BatterySensors:
 def _down_to(profile: Profile, capacity_Ah: float, end_soc: float, start_soc: float = 1.0) -> Profile:
     """The profile, cut where its charge has taken the battery from one state of charge to the other."""
     mean_A = 0.5 * (profile.current_A[1:] + profile.current_A[:-1])
-    moved_Ah = np.concatenate([[0.0], np.cumsum(mean_A * np.diff(profile.time_s)) / 3600.0])
+    moved_Ah = np.concatenate([[0.0], np.cumsum(mean_A * np.diff(profile.time_s)) / SECONDS_PER_HOUR])
     last = int(np.argmax(moved_Ah <= -(start_soc - end_soc) * capacity_Ah)) + 1
     return Profile(*(values[:last] for values in profile))
 

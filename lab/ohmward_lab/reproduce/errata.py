@@ -16,6 +16,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.filters import Belief, adaptive, kalman
 from ohmward.filters.unscented import DEFAULT, sigma_points, sigma_weights, textbook_step
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance
 from ohmward.traction.friction.law import Brush, Contact
@@ -234,7 +235,7 @@ def _free_parameters() -> bool:
 
     The samples are those of the circuit itself, without noise; with bounds, and corrected, none of the four does.
     """
-    model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
+    model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / SECONDS_PER_HOUR)
     current_A = np.tile(np.repeat([-3.0, -0.2, -1.5, 0.5], 10), 10)
     x, voltage_V = rc_circuit.at_rest(model, 0.6), []
     for now_A in current_A:

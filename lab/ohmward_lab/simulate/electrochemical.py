@@ -19,6 +19,7 @@ from ohmward.checks import require_between, require_one_of, require_positive
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import Log, Note
 from ohmward.optional import require
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.electrochemical_step import CellEquations, VoltageLimits, step_function
 from ohmward_lab.simulate.mission import DayPlan, first_discharged, working_day
 from ohmward_lab.simulate.plant import fine_times
@@ -182,7 +183,6 @@ def _compile(cell: ElectrochemicalCell) -> tuple[Any, Callable[[float], np.ndarr
     return step_function(equations, cell.limits), rest
 
 
-_HOUR_S = 3600.0
 #: Longest step [s] in a rest or at constant current.
 _LONGEST_SOLVER_STEP_S = 10.0
 #: Time [s] for which protection opens.
@@ -227,7 +227,7 @@ def simulate_cell(cell: ElectrochemicalCell, profile: Profile, time_s: np.ndarra
     outputs = _run(step, first, inputs)
     start = np.array([[0.0], [first[-1]], [profile.ambient_degC[0] + KELVIN]])
     current_A, voltage_V, kelvin = np.concatenate([start, outputs], axis=1)
-    charge_Ah = np.concatenate([[0.0], np.cumsum(-current_A[1:] * np.diff(grid))]) / _HOUR_S
+    charge_Ah = np.concatenate([[0.0], np.cumsum(-current_A[1:] * np.diff(grid))]) / SECONDS_PER_HOUR
     rows = np.searchsorted(grid, time_s)
     return CellTruth(
         grid[rows],
@@ -270,7 +270,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
         OhmwardError: the cell holds more than four times its label.
     """
     rate_A = _COUNTED_RATE * cell.nominal_Ah
-    count = round(_RUN_ON / _COUNTED_RATE * _HOUR_S / _CAPACITY_STEP_S)
+    count = round(_RUN_ON / _COUNTED_RATE * SECONDS_PER_HOUR / _CAPACITY_STEP_S)
     step, rest = cell.compiled
     inputs = np.repeat([[_CAPACITY_STEP_S], [rate_A], [ROOM_DEGC + KELVIN]], count, axis=1)
     state, current_A = rest(ROOM_DEGC + KELVIN), np.zeros(0)
@@ -278,7 +278,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
         states, outputs = step.mapaccum(count)(state, inputs)
         state, current_A = states[:, -1], np.append(current_A, np.array(outputs)[0])
         if (limited := current_A < 0.999 * rate_A).any():
-            return float(np.sum(current_A[: np.argmax(limited)]) * _CAPACITY_STEP_S / _HOUR_S)
+            return float(np.sum(current_A[: np.argmax(limited)]) * _CAPACITY_STEP_S / SECONDS_PER_HOUR)
     raise OhmwardError(
         f"{cell.parameter_set} is not empty after {_RUN_ON * _MOST_STRETCHES:g} times its {cell.nominal_Ah:g} Ah: "
         "set voltage_min_V where it is"

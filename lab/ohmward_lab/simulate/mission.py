@@ -15,10 +15,10 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.profile import Profile, constant, join
 
 _GRAVITY_M_S2 = 9.81
-_HOUR_S = 3600.0
 _GRID_S = 1.0
 
 
@@ -58,17 +58,17 @@ def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionR
     charge_current_A: of the charger [A] before its constant-voltage phase.
     """
     robot = robot or MissionRobot()
-    work = [drive(rng, robot, hours * _HOUR_S) for hours in (1.6, 1.6, 3.2)]
+    work = [drive(rng, robot, hours * SECONDS_PER_HOUR) for hours in (1.6, 1.6, 3.2)]
     idle_A = -robot.idle_W / robot.nominal_V
     day = join(
         [
             constant(600.0, 0.0),
             work[0],
-            constant(0.4 * _HOUR_S, idle_A),
+            constant(0.4 * SECONDS_PER_HOUR, idle_A),
             work[1],
-            constant(1.75 * _HOUR_S, charge_current_A),
+            constant(1.75 * SECONDS_PER_HOUR, charge_current_A),
             work[2],
-            constant(0.7 * _HOUR_S, 0.0),
+            constant(0.7 * SECONDS_PER_HOUR, 0.0),
         ]
     )
     return day._replace(ambient_degC=ambient_degC(day.time_s, 7.5))
@@ -76,7 +76,7 @@ def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionR
 
 def ambient_degC(time_s: np.ndarray, start_hour: float, mean_degC: float = 18.0, swing_K: float = 6.0) -> np.ndarray:
     """Temperature of the air [degC], coldest at 04:00 and warmest at 16:00; the defaults are a day in spring."""
-    hour = start_hour + time_s / _HOUR_S
+    hour = start_hour + time_s / SECONDS_PER_HOUR
     return mean_degC - swing_K * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
 
 
@@ -147,7 +147,7 @@ def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | No
     idle_A = -robot.idle_W / robot.nominal_V * capacity_Ah / _MISSION_AH
     share = float(np.interp(plan.ambient_degC, _CHARGING_DEGC, _CHARGING_SHARE))
     charge = constant(_OPPORTUNITY_S / share, share * _OPPORTUNITY_C * capacity_Ah * plan.opportunity_charges)
-    legs = [drive(rng, robot, hours * _HOUR_S) for hours in (1.3, 1.1, 1.2, 1.1, 1.0)]
+    legs = [drive(rng, robot, hours * SECONDS_PER_HOUR) for hours in (1.3, 1.1, 1.2, 1.1, 1.0)]
     legs = [leg._replace(current_A=plan.load * capacity_Ah / _MISSION_AH * leg.current_A) for leg in legs]
     parts = [
         constant(900.0, 0.0),
@@ -164,7 +164,7 @@ def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | No
         constant(900.0, 0.0),
     ]
     if plan.charged_fully:
-        parts += [constant(4.5 * _HOUR_S / share, _CHARGER_C * share * capacity_Ah), constant(1200.0, 0.0)]
+        parts += [constant(4.5 * SECONDS_PER_HOUR / share, _CHARGER_C * share * capacity_Ah), constant(1200.0, 0.0)]
     day = join(parts)
     return day._replace(ambient_degC=ambient_degC(day.time_s, 8.0, plan.ambient_degC, plan.swing_K))
 
@@ -177,7 +177,7 @@ def first_discharged(profile: Profile, capacity_Ah: float, depth: float) -> tupl
     rate_A = -capacity_Ah / 3.0
     before = [constant(600.0, 0.0)]
     if depth > 0.0:
-        before += [constant(3.0 * _HOUR_S * depth, rate_A), constant(_HOUR_S, 0.0)]
+        before += [constant(3.0 * SECONDS_PER_HOUR * depth, rate_A), constant(SECONDS_PER_HOUR, 0.0)]
     joined = join([*before, profile])
     start = joined.time_s[-1] - profile.time_s[-1]
     return joined._replace(ambient_degC=np.interp(joined.time_s - start, profile.time_s, profile.ambient_degC)), start

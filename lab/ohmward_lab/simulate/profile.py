@@ -9,17 +9,16 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.cells import SimulatedBattery
 
-_HOUR_S = 3600.0
 
-
-def pulse_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rest_s: float = _HOUR_S) -> Profile:
+def pulse_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rest_s: float = SECONDS_PER_HOUR) -> Profile:
     """Pulse test of a simulated battery, see `pulse_profile`."""
     return pulse_profile(battery.circuit.capacity_Ah, ambient_degC, rest_s)
 
 
-def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: float = _HOUR_S) -> Profile:
+def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: float = SECONDS_PER_HOUR) -> Profile:
     """From full to empty in steps of 10 %, of 5 % at both ends, with pulses before each; [P] 2.2 and 2.3, HPPC manuals.
 
     A discharge pulse of 1 C and a charge pulse of 0.75 C, 10 s each, 60 s apart; then C/3 for the step and a rest. No
@@ -28,8 +27,8 @@ def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: f
     Q = capacity_Ah
     full = [(600.0, 0.0), (10.0, -Q), (60.0, 0.0)]
     pulses = [(10.0, -Q), (60.0, 0.0), (10.0, 0.75 * Q), (60.0, 0.0)]
-    small = [(0.05 * 3.0 * _HOUR_S, -Q / 3.0), (rest_s, 0.0)]
-    large = [(0.10 * 3.0 * _HOUR_S, -Q / 3.0), (rest_s, 0.0)]
+    small = [(0.05 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (rest_s, 0.0)]
+    large = [(0.10 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (rest_s, 0.0)]
     phases = full + small
     for discharge in (small, *8 * (large,), small, small):
         phases += pulses + discharge
@@ -38,8 +37,8 @@ def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: f
 
 def low_rate_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
     """Full to empty and back at `rate` (1 is 1 C), with an hour of rest before, between and after."""
-    sweep_s, current_A = _HOUR_S / rate, rate * capacity_Ah
-    rest = (_HOUR_S, 0.0)
+    sweep_s, current_A = SECONDS_PER_HOUR / rate, rate * capacity_Ah
+    rest = (SECONDS_PER_HOUR, 0.0)
     return steps([rest, (1.05 * sweep_s, -current_A), rest, (1.1 * sweep_s, current_A), rest], ambient_degC)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_one_of, require_positive
 from ohmward.logs import Log, Note, write_log
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate import mission
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.plant import Simulation, resting_state, simulate
@@ -47,7 +48,7 @@ class Telemetry:
 
     def _dropped(self, times: np.ndarray, duration_s: float, rng: np.random.Generator) -> np.ndarray:
         """(T,) True for samples during a dropout."""
-        count = rng.poisson(self.dropouts_per_hour * duration_s / 3600.0)
+        count = rng.poisson(self.dropouts_per_hour * duration_s / SECONDS_PER_HOUR)
         start = rng.uniform(0.0, duration_s, count)[:, None]
         stop = start + rng.exponential(self.dropout_mean_s, count)[:, None]
         return np.any((times >= start) & (times < stop), axis=0)

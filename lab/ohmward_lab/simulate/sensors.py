@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.logs import Log
+from ohmward.quantities import SECONDS_PER_HOUR
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Sensor:
 
     def measure(self, true: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Measured values of `true` (T,) at the times [s]: disturbed, rounded, limited, NaN where missing."""
-        hours = np.diff(time_s, prepend=time_s[0]) / 3600.0
+        hours = np.diff(time_s, prepend=time_s[0]) / SECONDS_PER_HOUR
         drift = np.cumsum(self.offset_walk_std * np.sqrt(hours) * rng.standard_normal(time_s.size))
         signal = (1.0 + self.gain_error) * true + self.offset + drift
         signal = signal + self.noise_std * rng.standard_normal(true.size)

@@ -39,6 +39,7 @@ from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: Points of the resistances along SoC, and distance from SoC 0 and 1 within which they are held: 1 / j_0 may diverge.
 _RESISTANCE_POINTS, _END_DISTANCE = 21, 0.01
@@ -104,7 +105,7 @@ def battery_from_bpx(
     reference_K = float(cell.get("Reference temperature [K]") or ROOM_DEGC + KELVIN)
     negative = source.electrode("Negative electrode", area_m2, reference_K, rises=True)
     positive = source.electrode("Positive electrode", area_m2, reference_K, rises=False)
-    cell_Ah = min(negative.usable_As, positive.usable_As) / 3600.0
+    cell_Ah = min(negative.usable_As, positive.usable_As) / SECONDS_PER_HOUR
     nominal_Ah = source.number(cell, "Nominal cell capacity [A.h]")
     if abs(cell_Ah / nominal_Ah - 1.0) > _CAPACITY_OFF:
         raise InputError(

@@ -51,7 +51,7 @@ _TIMES_WORSE, _WRONG_V = 2.0, 0.003
 #: A log is explained in windows: their longest length [s] and largest number; the largest charge that the offset of the
 #: current sensor moves in one, over the capacity; multiples of that offset, and capacities over the file's, that are
 #: tried.
-_LONGEST_WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
+_LONGEST_WINDOW_S, _MOST_WINDOWS = 6 * SECONDS_PER_HOUR, 12
 _OFFSET_CHARGE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
 #: Rows of a window and samples in one, fewest rows, starting SoCs that are tried, and share of the rows that are free
 #: of spikes.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.rich_display import RichDisplay
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class Run(RichDisplay, Generic[E]):
         return values
 
     def __repr__(self) -> str:
-        hours = (self.time_s[-1] - self.time_s[0]) / 3600.0 if len(self.time_s) else 0.0
+        hours = (self.time_s[-1] - self.time_s[0]) / SECONDS_PER_HOUR if len(self.time_s) else 0.0
         return f"{type(self).__name__}({len(self.time_s)} samples in {hours:.3g} h, flags {self.counts() or 'none'})"
 
     def __dir__(self) -> list[str]:

@@ -15,6 +15,7 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import labels_in, split_selection
 from ohmward.logs.table import TableFile, counted
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.signals.survey import spread
 
 #: Ways to identify the robot, besides the name of a column; the first tries the others in turn.
@@ -204,7 +205,7 @@ def _state(row: Mapping[str, Any]) -> RobotRecord:
         robot=row["robot"],
         logs=len(used),
         refused=len(row["logs"]) - len(used),
-        hours=sum(log["duration_s"] for log in used) / 3600.0,
+        hours=sum(log["duration_s"] for log in used) / SECONDS_PER_HOUR,
         begins=dates[0] if dates else None,
         last=dates[-1] if dates else None,
         throughput_Ah=sum(log["throughput_Ah"] for log in used),

@@ -14,7 +14,7 @@ from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, counted, held, numbers
-from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR, Quantity
+from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
@@ -363,7 +363,7 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
     return (Note(f"{counted(gaps.size, 'gap')}, the longest {length:g} s after {time_s[longest]:g} s", "warning"),)
 
 
-YEAR_S = 365.25 * 86400.0
+YEAR_S = 365.25 * DAY_S
 #: Longest plausible log.
 LONGEST_S = 50.0 * YEAR_S
 #: Longest plausible time for the largest current to flow one way: it would move a thousandth of the capacity an hour,

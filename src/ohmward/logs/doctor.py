@@ -259,7 +259,7 @@ def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
     yield from _faults_of_sampling(s)
     yield from _gaps(s.sampling)
     offset = s.activity.rest_current_A
-    drift_Ah = abs(offset or 0.0) * s.duration_s / 3600.0
+    drift_Ah = abs(offset or 0.0) * s.duration_s / SECONDS_PER_HOUR
     if offset is not None and drift_Ah > 0.01 * (s.activity.charge_in_Ah + s.activity.charge_out_Ah):
         yield Finding(
             "warning",

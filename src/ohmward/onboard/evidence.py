@@ -30,7 +30,7 @@ from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.robot_state import RobotState
-from ohmward.quantities import limits_of
+from ohmward.quantities import SECONDS_PER_HOUR, limits_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
@@ -89,7 +89,7 @@ class AgeingModel:
         assert self.battery is not None
         last_C = abs(current_A) / self.battery.capacity_Ah
         rate_C = last_C if last_C > USUAL_C else USUAL_C
-        return rate_C * age_s / 3600.0
+        return rate_C * age_s / SECONDS_PER_HOUR
 
     @cached_property
     def fastest_m_s(self) -> float:

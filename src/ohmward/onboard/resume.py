@@ -36,7 +36,7 @@ from ohmward.trace.snapshot import to_json, typed
 SHORT_ABSENCE_S = 60.0
 
 #: Absence assumed if no clock measured it: a day.
-UNKNOWN_S = 86400.0
+UNKNOWN_S = DAY_S
 
 #: Step that the filter treats as a gap, after which it forgets the charge, as anything may have happened in it.
 _GAP_S = CURRENT_GAP_S + 1.0

@@ -22,14 +22,14 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.onboard.message import as_number
-from ohmward.quantities import quantity_of
+from ohmward.quantities import SECONDS_PER_HOUR, quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Longest step between two samples that is counted; samples further apart enclose a gap [s].
 TOTALS_GAP_S = 60.0
 
-_S_PER_H, _WH_PER_KWH, _M_PER_KM = 3600.0, 1e3, 1e3
+_WH_PER_KWH, _M_PER_KM = 1e3, 1e3
 
 
 class Totals(NamedTuple):
@@ -63,7 +63,7 @@ class Totals(NamedTuple):
         """
         if not (0.0 < dt_s <= TOTALS_GAP_S and math.isfinite(current_A)):
             return self
-        return self.plus_charge(current_A * dt_s / _S_PER_H, voltage_V, capacity_Ah)
+        return self.plus_charge(current_A * dt_s / SECONDS_PER_HOUR, voltage_V, capacity_Ah)
 
     def after_drive(self, before_m: float, distance_m: float) -> Totals:
         """The totals after the path has grown from one length to another; a shorter one means that it restarted."""

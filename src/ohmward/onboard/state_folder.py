@@ -37,6 +37,7 @@ from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
 from ohmward.onboard.resume import DRIVE_S, is_another, label_of, remember, resume
+from ohmward.quantities import DAY_S
 from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
 
 NAME, PREVIOUS = "snapshot.json", "snapshot-previous.json"
@@ -122,7 +123,7 @@ class StateFolder:
             return None, 0.0
         table = load_consumption(self.consumption_path)
         before_s = self.clock.unix_s() if table.last_drive_unix_s is None else table.last_drive_unix_s
-        return table, max(self.clock.unix_s() - before_s, 0.0) / 86400.0
+        return table, max(self.clock.unix_s() - before_s, 0.0) / DAY_S
 
     def begin(self, estimation: Estimation) -> None:
         """Continue the estimators from the last snapshot."""

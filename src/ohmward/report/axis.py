@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report.figure import TIME, Figure
 
 
@@ -70,7 +71,7 @@ def time_unit(duration_s: float) -> tuple[str, float]:
     """Name and length [s] of the unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
     if duration_s < 180:
         return "s", 1.0
-    return ("min", 60.0) if duration_s < 3 * 3600 else ("h", 3600.0)
+    return ("min", 60.0) if duration_s < 3 * SECONDS_PER_HOUR else ("h", SECONDS_PER_HOUR)
 
 
 def nice_step(span: float, intervals: int) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ohmward.quantities import QUANTITIES
+from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.runs import long_runs
 from ohmward.signals.checks import Finding, Scale, scales_of
 from ohmward.signals.current_sign import edge_test
@@ -60,8 +60,8 @@ def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np
         late = np.flatnonzero(time_s[first:stop] > time_s[first] + RELAXED_S) + first
         at_first_V = voltage_V[late[: late.size // 5]].max(initial=0.0)  # small loads dip below it, and come back
         if np.count_nonzero(voltage_V[late] - at_first_V > _HIDDEN * np.median(voltage_V)) > late.size // 10:
-            hours = (time_s[stop - 1] - time_s[first]) / 3600.0
-            text = f"in the {hours:.2g} h from {time_s[first] / 3600.0:.2g} h on the current sensor {HIDDEN_CHARGE}"
+            from_h, to_h = time_s[[first, stop - 1]] / SECONDS_PER_HOUR
+            text = f"in the {to_h - from_h:.2g} h from {from_h:.2g} h on the current sensor {HIDDEN_CHARGE}"
             yield Finding("warning", text, "let the sensor see all current of the battery, or keep another part")
             return
 

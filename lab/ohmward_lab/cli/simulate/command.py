@@ -17,6 +17,7 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.write import TABLES
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Page, Series
 from ohmward.traction.score import score_figures
 from ohmward_lab.cli.simulate import OF_CELLS, cell
@@ -155,7 +156,7 @@ def make_page(run: ClosedLoopRun, found: Mapping[str, Any]) -> Page:
     page = page.plot(_speed(run), *_slips(run), _torque(run), _friction(run), _power(run), _battery(run))
     page = page.heading("Result").table(["Quantity", "Value"], [list(row) for row in values.items()])
     split = [
-        [ENERGY[name], quantity(value, "J", digits=4), quantity(value, "Wh", 1 / 3600)]
+        [ENERGY[name], quantity(value, "J", digits=4), quantity(value, "Wh", 1 / SECONDS_PER_HOUR)]
         for name, value in found["energy_split_J"].items()
     ]
     return page.heading("Energy").table(["Where the energy went", "Energy", "the same"], split)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_one_of
 from ohmward.errors import InputError
+from ohmward.quantities import DAY_S
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.packaged import PACKAGED, RLMA, load_robot
 from ohmward.traction.robot.robot import Robot
@@ -25,7 +26,7 @@ from ohmward_lab.simulate.closed_loop.sensing import Sensing
 from ohmward_lab.simulate.closed_loop.supply import Pack
 
 PLANTS = ("own", "mujoco")
-SHORTEST_RUN_S, LONGEST_RUN_S = 0.01, 86400.0
+SHORTEST_RUN_S, LONGEST_RUN_S = 0.01, DAY_S
 #: Robots by name. RLMA's electronics draw what a small computer does; [T] does not say.
 ROBOTS: Mapping[str, Robot] = {**PACKAGED, "rlma": replace(RLMA, idle_W=10.0)}
 

@@ -28,6 +28,7 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resist
 from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: R_b and R_s as shares of R_total, by the rule of [P] 2.2.
 BRANCH_SHARE = 0.75
@@ -82,7 +83,7 @@ class RcModel:
     @property
     def capacity_As(self) -> float:
         """Capacity in ampere seconds."""
-        return 3600.0 * self.capacity_Ah
+        return SECONDS_PER_HOUR * self.capacity_Ah
 
 
 def divider(p: Circuit | RcModel) -> tuple[Any, Any]:

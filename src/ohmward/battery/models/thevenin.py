@@ -22,6 +22,7 @@ from ohmward.battery.models.ocv import OcvCurve, between_knots, hat
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, coldness_per_K
 from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import clip, exp, log, sign, sqrt, table, where
 from ohmward.trace.expression import Scalar
 
@@ -153,7 +154,7 @@ class Thevenin:
     @property
     def capacity_As(self) -> float:
         """Capacity in ampere seconds."""
-        return 3600.0 * self.capacity_Ah
+        return SECONDS_PER_HOUR * self.capacity_Ah
 
     def arrhenius_factor(self, temperature_degC: Any) -> Any:
         """Factor of the ohmic resistance at a temperature, 1 at the reference."""

@@ -61,6 +61,7 @@ from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
 from ohmward.battery.soc.initial_soc import lasting_std_V
 from ohmward.filters.belief import Belief
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, sqrt, where
 from ohmward.trace.expression import Scalar
 
@@ -330,7 +331,9 @@ class AugmentedThevenin:
         """
         p, i = self.model, clean.mean.current_A
         moved = abs(i) * clean.dt_s / p.capacity_As
-        unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
+        unknown = growth_while_unknown(
+            lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / SECONDS_PER_HOUR, 1.0) ** 2, clean
+        )
         if p.net_charge_hysteresis:
             turned = HYSTERESIS_TURN_VARIANCE * p.hysteresis_rate * moved
         else:

@@ -19,6 +19,7 @@ from ohmward.battery.soc.explanation import filtered
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import Kernel
 
 #: The day: SoC at its start and at its end, mean load in multiples of the capacity per hour, rest in every hour [s].
@@ -113,13 +114,15 @@ def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc:
 
 def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:
     """Samples (T,) of the day, without their voltage."""
-    drawn_s = (START_SOC - END_SOC) / FORECAST_LOAD_C * 3600.0
-    count = int(drawn_s * 3600.0 / (3600.0 - REST_S) / FORECAST_STEP_S)
+    drawn_s = (START_SOC - END_SOC) / FORECAST_LOAD_C * SECONDS_PER_HOUR
+    count = int(drawn_s * SECONDS_PER_HOUR / (SECONDS_PER_HOUR - REST_S) / FORECAST_STEP_S)
     time_s = FORECAST_STEP_S * np.arange(1, count + 1)
     loads = np.array(LOADS)[(time_s / LOAD_S).astype(int) % len(LOADS)] / np.mean(LOADS)
     idle_A = settings.idle_current_A or 0.0
     current_A = np.where(
-        time_s % 3600.0 < 3600.0 - REST_S, -FORECAST_LOAD_C * settings.model.capacity_Ah * loads, idle_A
+        time_s % SECONDS_PER_HOUR < SECONDS_PER_HOUR - REST_S,
+        -FORECAST_LOAD_C * settings.model.capacity_Ah * loads,
+        idle_A,
     )
     nothing = np.full(count, np.nan)
     return SocSample(np.full(count, FORECAST_STEP_S), current_A, nothing, np.full(count, temperature_degC))

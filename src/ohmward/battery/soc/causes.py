@@ -30,6 +30,7 @@ from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, unpack
 from ohmward.filters.consistency import BAND_95
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 
 #: States whose correlation matrix is closer to singular than this count as one state in the budget.
 _LEAST_EIGENVALUE = 1e-9
@@ -293,7 +294,7 @@ def is_flat(now: Conditions) -> bool:
 
 def time_in_words(seconds: float) -> str:
     """A duration in words: "25 minutes", "7 hours", "6 days"."""
-    for unit, length_s in (("day", 86400.0), ("hour", 3600.0)):
+    for unit, length_s in (("day", DAY_S), ("hour", SECONDS_PER_HOUR)):
         if round(seconds / length_s) >= 2:
             return f"{seconds / length_s:.0f} {unit}s"
     minutes = round(seconds / 60.0)

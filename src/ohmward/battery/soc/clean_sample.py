@@ -11,7 +11,7 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, MOST_C
+from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC, MOST_C
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
@@ -22,7 +22,7 @@ HOLD_S = 30.0
 CURRENT_GAP_S = 600.0
 
 #: A longer step means that the clock was set, not that the battery was idle [s].
-LONGEST_PAUSE_S = 365 * 86400.0
+LONGEST_PAUSE_S = 365 * DAY_S
 
 #: Lowest voltage of a battery over its open-circuit voltage when empty, and highest over that when full. At half the
 #: open-circuit voltage a battery gives its greatest power, and a load that draws more gets less. Charging lifts nickel

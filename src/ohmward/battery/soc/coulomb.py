@@ -39,6 +39,7 @@ from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive, require_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import clip, linearize, minimum, where
 from ohmward.trace.expression import Scalar
 
@@ -124,7 +125,7 @@ def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Theveni
     sensor_As2 = sensor.noise_std_A**2 * clean.dt_s
     path_As2 = (PATH_SHARE * clean.change_A * clean.dt_s) ** 2
     known = minimum((sensor_As2 + path_As2) / model.capacity_As**2, SOC_UNKNOWN_STD**2)
-    unknown = growth_while_unknown(lambda t_s: minimum(USUAL_C * t_s / 3600.0, SOC_UNKNOWN_STD) ** 2, clean)
+    unknown = growth_while_unknown(lambda t_s: minimum(USUAL_C * t_s / SECONDS_PER_HOUR, SOC_UNKNOWN_STD) ** 2, clean)
     return where(clean.current_known, known, unknown)
 
 

@@ -27,9 +27,10 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
 from ohmward.filters.kalman import correct_state
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: After a longer gap the battery may be full or empty [s]: by then a usual current makes SoC as uncertain as it can be.
-NOTHING_KNOWN_AFTER_S = 3600.0 * SOC_UNKNOWN_STD / USUAL_C
+NOTHING_KNOWN_AFTER_S = SECONDS_PER_HOUR * SOC_UNKNOWN_STD / USUAL_C
 
 #: Prior probability that the charge differs from that before such a gap: a logger or a computer that was off says
 #: nothing about a charger.
@@ -104,7 +105,7 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
     """
     before = unpack((settings.merged(state) if isinstance(settings, GaussianSumFilter) else state).belief)
     soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
-    drawn = STANDBY_PER_HOUR * gap_s / 3600.0
+    drawn = STANDBY_PER_HOUR * gap_s / SECONDS_PER_HOUR
     known = settings.voltage_start.hypotheses(first, soc, math.sqrt(variance + drawn * drawn), WRONG_AFTER_GAP)
     learnt = [settings.state_names.index(name) for name in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
 

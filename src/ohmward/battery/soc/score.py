@@ -17,9 +17,10 @@ from ohmward.checks import as_numbers
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
+from ohmward.quantities import SECONDS_PER_HOUR
 
 #: An unknown start is found within the first hour or not at all.
-FIRST_HOUR_S = 3600.0
+FIRST_HOUR_S = SECONDS_PER_HOUR
 
 #: An error of more standard deviations is a confident wrong answer; 0.006 % of a normal distribution.
 CONFIDENTLY_WRONG = 4.0

@@ -34,6 +34,7 @@ from ohmward.fleet import (
 )
 from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import Page
 
 #: Largest numbers of logs of one kind and of robots that the text lists.
@@ -125,7 +126,7 @@ def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dic
         "failed": len(bad),
         "resumed": finished.resumed,
         "samples": sum(row["samples"] for row in good),
-        "hours": sum(row["duration_s"] for row in good) / 3600.0,
+        "hours": sum(row["duration_s"] for row in good) / SECONDS_PER_HOUR,
         "soc_final_min": _most(min, good, "soc_final"),
         "soh_capacity_min": _most(min, good, "soh_capacity"),
         "resistance_ratio_max": _most(max, good, "resistance_ratio"),

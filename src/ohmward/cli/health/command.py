@@ -25,7 +25,7 @@ from ohmward.figures.health import life_figure, trend_figures
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.table import counted
-from ohmward.quantities import DAY_S
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 from ohmward.report import Page
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].
@@ -123,7 +123,7 @@ def _log(found: BatteryHealth, k: int, discharge_Ah: Normal) -> dict[str, Any]:
         "log": update.log,
         "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if found.dated.has_clock else None,
         "days": (start_s - float(found.dated.start_s[0])) / DAY_S,
-        "hours": found.dated.logs[k].duration_s / 3600.0,
+        "hours": found.dated.logs[k].duration_s / SECONDS_PER_HOUR,
         "cycles": point.cycles,
         "temperature_degC": point.temperature_degC,
         "verdict": update.verdict,

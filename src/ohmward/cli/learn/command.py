@@ -23,6 +23,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.fleet.learning import BatteryFiles, Journal, LearningJob, Row, journal_path, learn_all
 from ohmward.logs.selection import split_selection
 from ohmward.logs.table import counted
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import Page
 
 #: Columns of the table of logs.
@@ -208,7 +209,7 @@ def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
     anchors = [
         [
             row["log"],
-            f"{anchor['time_s'] / 3600:.2f} h" if anchor.get("time_s") is not None else "start",
+            f"{anchor['time_s'] / SECONDS_PER_HOUR:.2f} h" if anchor.get("time_s") is not None else "start",
             str(anchor.get("kind", "given")),
             f"{100 * anchor['soc']:.0f} ± {100 * BAND_95 * anchor['soc_std']:.0f} %",
         ]

@@ -38,6 +38,7 @@ from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import select_rows, split_selection
 from ohmward.logs.table import TableFile
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_named
@@ -239,7 +240,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     rows = {
         "drive": "",
         "SoC": f"{percent(f['soc'], 1)}, std {percent(f['soc_std'], 1)}; {percent(f['reserve_soc'], 0)} is the reserve",
-        "usable energy": quantiles(f["usable_J"], "Wh", 1 / 3600.0),
+        "usable energy": quantiles(f["usable_J"], "Wh", 1 / SECONDS_PER_HOUR),
         "range left": quantiles(f["range_m"], "m"),
         "time left": " / ".join(map(duration, f["time_left_s"])) + "  (P10 / P50 / P90)",
         "energy ahead": quantiles(f["energy_J_per_m"], "J/m"),
@@ -249,9 +250,8 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     if drive is None:
         del rows["drive"]
         return rows
-    driven = (
-        f"{quantity(drive.distance_m, 'm', digits=4)} in {duration(drive.used_s)}, {drive.energy_J / 3600.0:.3g} Wh"
-    )
+    used_Wh = drive.energy_J / SECONDS_PER_HOUR
+    driven = f"{quantity(drive.distance_m, 'm', digits=4)} in {duration(drive.used_s)}, {used_Wh:.3g} Wh"
     cost = f"cost of transport {quantity(drive.cost_of_transport, '')}"
     return rows | {"drive": f"{driven}, {quantity(drive.energy_J_per_m, 'J/m')}, {cost}"}
 
@@ -284,9 +284,9 @@ def split_rows(drive: RecordFigures | None) -> list[list[str]]:
     return [
         [
             name,
-            f"{value / 3600.0:.3f} Wh",
+            f"{value / SECONDS_PER_HOUR:.3f} Wh",
             percent(value / whole, 1) if whole else "-",
-            f"± {stds[name] / 3600.0:.2g} Wh" if name in stds else "",
+            f"± {stds[name] / SECONDS_PER_HOUR:.2g} Wh" if name in stds else "",
         ]
         for name, value in parts.items()
     ]
@@ -296,7 +296,7 @@ def plan_rows(plan: Mapping[str, Any]) -> dict[str, str]:
     """The figures of the plan with their units, by name."""
     return {
         "plan": f"{plan['distance_m']:.4g} m in {duration(plan['time_s'])}",
-        "energy": quantiles(plan["energy_J"], "Wh", 1 / 3600.0),
+        "energy": quantiles(plan["energy_J"], "Wh", 1 / SECONDS_PER_HOUR),
         "SoC at the end": " / ".join(percent(v, 1) for v in plan["milestones"][-1].soc),
         "probability": f"{percent(plan['probability'], 1)} to finish with the reserve left",
         "point of return": f"{plan['point_of_return_m']:.4g} m along the plan, for the way back over the same ground",

@@ -20,6 +20,7 @@ from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.store.rows import columns_of
 from ohmward.onboard.store.store import Store
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 
 #: Time between two rows of the history, and number of rows: an hour and a half.
 ROW_S, ROWS = 1.0, 5400
@@ -118,7 +119,7 @@ class Lookback(NamedTuple):
 
 
 #: Some 400 points each, more than a picture on a phone has columns.
-SPANS = {"hour": Lookback(3600.0, 10.0), "day": Lookback(86_400.0, 200.0), "week": Lookback(604_800.0, 1500.0)}
+SPANS = {"hour": Lookback(SECONDS_PER_HOUR, 10.0), "day": Lookback(DAY_S, 200.0), "week": Lookback(7 * DAY_S, 1500.0)}
 
 #: Number of points from memory for each point from the store.
 FINER = 10.0

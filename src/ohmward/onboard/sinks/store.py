@@ -15,6 +15,7 @@ from ohmward.onboard.part import LOG
 from ohmward.onboard.store.delivery import done_in_thread, until_taken
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.onboard.store.store import Store
+from ohmward.quantities import DAY_S
 
 #: Time between two searches for past days and excess files.
 HOUSEKEEPING_S = 600.0
@@ -73,7 +74,7 @@ class StoreSink:
         """
         most_bytes = int(1e6 * self.most_MB)
         self._prune(store, most_bytes)  # first, a full disk needs room for what follows
-        done = store.archive_days(unix_s - 86_400.0 * self.keep_days)
+        done = store.archive_days(unix_s - DAY_S * self.keep_days)
         for entry in done + store.archive_excess(int(DATABASE_SHARE * most_bytes)):
             LOG.info("store: %d rows of %s are in %s", entry.rows, entry.kind, entry.name)
         self._prune(store, most_bytes)

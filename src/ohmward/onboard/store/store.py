@@ -29,6 +29,7 @@ from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import TOTALS_GAP_S, Totals
 from ohmward.onboard.store.rows import KINDS, ConditionRow, Row
 from ohmward.optional import require
+from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 
 
 def quoted(name: str) -> str:
@@ -104,7 +105,7 @@ CREATE INDEX drive_time ON drive (unix_ns);
 PRAGMA user_version = {TABLES_VERSION};
 """
 
-_DAY_NS = 86_400 * 10**9
+_DAY_NS = int(DAY_S) * 10**9
 
 #: Most conditions kept: some 20 MB, years of a healthy robot or a week of a loose contact that opens every 6 s.
 MOST_CONDITIONS = 100_000
@@ -280,7 +281,7 @@ class Store:
         if not rows:
             return None
         columns = self._select(kind, self.names(kind), f"{where} AND id <= ?", (*span, last))
-        date = datetime.fromtimestamp(day * 86_400, UTC).strftime("%Y-%m-%d")
+        date = datetime.fromtimestamp(day * DAY_S, UTC).strftime("%Y-%m-%d")
         name = f"{kind}-{date}-{first:08d}-{last:08d}.parquet"
         write_table(columns, self.archive / name)
         entry = Archived(name, kind, rows, int(columns["unix_ns"][0]), int(columns["unix_ns"][-1]))
@@ -451,9 +452,6 @@ def _leaving_out_damage() -> Iterator[None]:
         LOG.warning("store: rows are left out: %s", error)
 
 
-_DAY_S = 86_400.0
-
-
 def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
     """The totals of everything in a store, read a day at a time.
 
@@ -478,8 +476,8 @@ def _by_day(store: Store, kind: str, names: Sequence[str]) -> Iterator[Columns]:
     rows, first_ns, last_ns = store.span_ns(kind)
     last_row: Columns = {}
     begin_s, end_s = 1e-9 * first_ns - 1.0, 1e-9 * last_ns + 1.0  # whole nanoseconds do not fit into a float
-    for day_s in np.arange(begin_s, end_s, _DAY_S) if rows else ():
-        columns = store.read(kind, names, day_s, day_s + _DAY_S)
+    for day_s in np.arange(begin_s, end_s, DAY_S) if rows else ():
+        columns = store.read(kind, names, day_s, day_s + DAY_S)
         if last_row:
             columns = joined([last_row, columns], names)
         if len(columns["unix_ns"]):
@@ -491,7 +489,7 @@ def _with_battery(totals: Totals, columns: Columns, capacity_Ah: float) -> Total
     """The totals with the rows of a day added; the charge in each direction counts at its mean voltage."""
     nothing = np.full(len(columns["unix_ns"]), math.nan)
     dt_s = np.diff(1e-9 * columns["unix_ns"], prepend=math.nan)
-    charge_Ah = np.where((dt_s > 0.0) & (dt_s <= TOTALS_GAP_S), dt_s / 3600.0, math.nan)
+    charge_Ah = np.where((dt_s > 0.0) & (dt_s <= TOTALS_GAP_S), dt_s / SECONDS_PER_HOUR, math.nan)
     charge_Ah = charge_Ah * columns.get("battery_current_A", nothing)
     voltage_V = columns.get("battery_voltage_V", nothing)
     for way in (charge_Ah > 0.0, charge_Ah < 0.0):

@@ -25,6 +25,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.filters.sanitize import some
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import LEAST_DIVISOR
@@ -165,7 +166,7 @@ class CrossingTest:
 
     def threshold(self, k2: np.ndarray, tau_s: Scalar) -> np.ndarray:
         """Threshold h (n,) of each of n changes, tested both ways: h = ln(T k^2/(2 tau) + 1 + h), by Newton."""
-        between_s = 3600 / self.false_alarms_per_hour * 2 * len(k2)
+        between_s = SECONDS_PER_HOUR / self.false_alarms_per_hour * 2 * len(k2)
         wanted = k2 * (between_s / (2 * tau_s))
         h = log(wanted + 2.0)
         for _ in range(_CROSSING_STEPS):
