@@ -1,4 +1,4 @@
-"""Numbers and tables as text for a terminal."""
+"""Tables and fields as text for a terminal."""
 
 from __future__ import annotations
 
@@ -6,18 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ohmward import __version__
-from ohmward.cli.paragraphs import assumptions, bullets, paragraphs, styled  # noqa: F401 for the commands
-from ohmward.figures.numbers import (  # noqa: F401 for the commands
-    band,
-    duration,
-    flagged,
-    known,
-    lognormal,
-    normal,
-    percent,
-    quantity,
-    ratio,
-)
+from ohmward.cli.paragraphs import styled
 from ohmward.report import Page
 
 FOOTER = f"ohmward {__version__}"

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, progress
+from ohmward.cli.paragraphs import paragraphs
 from ohmward.cli.wording import FOOTER
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
@@ -79,7 +80,7 @@ def describe(assessed: Assessed) -> str:
         header, *rows = grid([row for row in found if row.subject == subject], rmse.text)
         parts += [subject, wording.table(header, [[cell or "-" for cell in row] for row in rows])]
     parts += [rule(assessed), wording.table(*recommended(assessed)), "\n".join(worse(assessed))]
-    return wording.paragraphs(*parts, f"all figures: {assessed.folder / SUMMARY}")
+    return paragraphs(*parts, f"all figures: {assessed.folder / SUMMARY}")
 
 
 def rule(assessed: Assessed) -> str:

@@ -12,8 +12,10 @@ from typing import Any
 from ohmward.cli import wording
 from ohmward.cli.main import parse, run_of
 from ohmward.cli.outcome import Outcome, carry_out
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
+from ohmward.figures.numbers import percent, quantity
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Page
 from ohmward.traction import save_robot
@@ -110,15 +112,15 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
     header = ["simulated robot day", "SoC at the end", "RMSE", "largest error", "truth in 95 % band"]
     columns = {"soc_final": 1, "soc_rmse": 2, "soc_max_error": 2, "coverage_95": 1}
     rows = [
-        [chemistry, *(wording.percent(results[chemistry]["soc"][key], digits) for key, digits in columns.items())]
+        [chemistry, *(percent(results[chemistry]["soc"][key], digits) for key, digits in columns.items())]
         for chemistry in N_SERIES
     ]
     reports = sorted(str(path) for path in folder.glob("*-*.html"))
-    return wording.paragraphs(
+    return paragraphs(
         wording.table(header, rows),
         f"the drive home\n{wording.fields(drive_figures(results))}",
         f"The whole story on one page, open it in a browser:\n  {folder / 'report.html'}",
-        wording.bullets("A page for each command", reports),
+        bullets("A page for each command", reports),
     )
 
 
@@ -130,10 +132,10 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"])
     return {
         "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",
-        "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
-        "slip error": wording.quantity(slip["slip_rmse"], "points RMS of the slip ratio", 100.0),
+        "speed error": quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
+        "slip error": quantity(slip["slip_rmse"], "points RMS of the slip ratio", 100.0),
         "range left": f"{p50:.1f} km, {p10:.1f} to {p90:.1f} (P10-P90)",
-        "gets home": f"{wording.percent(mission['probability'], 0)} sure, with the reserve left",
+        "gets home": f"{percent(mission['probability'], 0)} sure, with the reserve left",
     }
 
 

@@ -13,6 +13,7 @@ from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, progress
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.logs.log import ReadOptions
@@ -100,8 +101,8 @@ def describe(publication: Publication, results: Sequence[tuple[Item, Result]]) -
         parts.append(f"{label(item)}: {item.title}")
         parts.append(wording.table(HEADER, [cells(row) for row in result.rows]))
         if reasons := [row.why for row in result.rows if row.why]:
-            parts.append(wording.bullets("Why they differ", list(dict.fromkeys(reasons))))
-    return wording.paragraphs(*parts)
+            parts.append(bullets("Why they differ", list(dict.fromkeys(reasons))))
+    return paragraphs(*parts)
 
 
 def cells(row: ResultRow) -> list[str]:
@@ -146,5 +147,5 @@ def _errata() -> Outcome:
     lines = [f"{text} {place}: {printed} -> {correct} (the check {ok})" for text, place, printed, correct, ok in rows]
     title = f"{len(ERRATA)} errors in the texts we worked from, {sum(found)} of their checks pass; printed -> must be"
     page = Page("Errors in [T] and [P]", "each with a check that runs", FOOTER).table(_ERRATA, rows)
-    text = wording.bullets(title, lines)
+    text = bullets(title, lines)
     return Outcome({"command": "reproduce", "errata": figures}, text, page=lambda: page, status=0 if all(found) else 1)

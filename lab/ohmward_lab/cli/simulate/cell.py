@@ -10,9 +10,11 @@ from typing import Any
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.paragraphs import paragraphs
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
+from ohmward.figures.numbers import duration, percent
 from ohmward.logs import Log, write_log
 from ohmward.logs.write import TABLES
 from ohmward.report import TIME, Figure, Page, Series
@@ -69,7 +71,7 @@ def describe(found: Mapping[str, Any]) -> str:
         then = f"next: ohmward identify {output} --capacity-ah {found['capacity_new_Ah']:.3g}"
         then += f" --n-series {found['n_series']}" if found["n_series"] > 1 else ""
     title = f"{found['cell']}, {found['model']}: {found['record']}"
-    return wording.paragraphs(title, wording.fields(result(found)), then)
+    return paragraphs(title, wording.fields(result(found)), then)
 
 
 def result(found: Mapping[str, Any]) -> dict[str, str]:
@@ -77,10 +79,9 @@ def result(found: Mapping[str, Any]) -> dict[str, str]:
     age = found["capacity_Ah"] / found["capacity_new_Ah"]
     low, high = found["temperature_min_degC"], found["temperature_max_degC"]
     return {
-        "duration": f"{wording.duration(found['duration_s'])}, {found['samples']:,} samples",
-        "capacity": f"{found['capacity_Ah']:.4g} Ah"
-        + (f", {wording.percent(age, 0)} of a new cell's" if age < 1 else ""),
-        "state of charge": f"{wording.percent(found['soc_initial'])} to {wording.percent(found['soc_final'])}",
+        "duration": f"{duration(found['duration_s'])}, {found['samples']:,} samples",
+        "capacity": f"{found['capacity_Ah']:.4g} Ah" + (f", {percent(age, 0)} of a new cell's" if age < 1 else ""),
+        "state of charge": f"{percent(found['soc_initial'])} to {percent(found['soc_final'])}",
         "voltage": f"{found['voltage_min_V']:.3f} to {found['voltage_max_V']:.3f} V",
         "temperature": f"{low:.1f} to {high:.1f} degC",
     }

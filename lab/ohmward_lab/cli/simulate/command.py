@@ -12,8 +12,10 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.wording import FOOTER, duration, quantity
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
+from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.write import TABLES
@@ -105,30 +107,30 @@ def summary(answer: ClosedLoopRun) -> dict[str, Any]:
 def describe(found: Mapping[str, Any]) -> str:
     """Text for people; found: the summary, as in the functions below."""
     observer = "the true speed" if found["observer"] == "true" else f"observer {found['observer']!r}"
-    return wording.paragraphs(
+    return paragraphs(
         f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}, "
         f"{observer}",
         wording.fields(result(found)),
         energy_table(found),
-        wording.bullets("Warnings", found["warnings"]),
+        bullets("Warnings", found["warnings"]),
     )
 
 
 def result(found: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
-        "drive": f"{found['distance_m']:.2f} m in {wording.duration(found['duration_s'])}",
-        "state of charge": f"{wording.percent(found['soc_initial'])} to {wording.percent(found['soc_final'])}",
+        "drive": f"{found['distance_m']:.2f} m in {duration(found['duration_s'])}",
+        "state of charge": f"{percent(found['soc_initial'])} to {percent(found['soc_final'])}",
         "battery voltage": f"{found['voltage_min_V']:.2f} to {found['voltage_max_V']:.2f} V",
-        "energy": wording.quantity(found["energy_J"], "J"),
-        "energy per metre": wording.quantity(found["energy_J_per_m"], "J/m"),
-        "slip reached after": wording.quantity(found["slip_settle_s"], "s"),
-        "slip error, RMS": wording.quantity(found["slip_rms_error"], "(slip ratio)", digits=2),
-        "speed error, RMS": wording.quantity(found["speed_rmse_m_s"], "mm/s", 1e3),
-        "speed in 95 % band": wording.percent(found["speed_coverage_95"], 1),
-        "slip in 95 % band": wording.percent(found["coverage_95"], 1),
-        "false slip alarms": wording.percent(found["false_alarm_rate"]),
-        "computed in": wording.duration(found["seconds"]),
+        "energy": quantity(found["energy_J"], "J"),
+        "energy per metre": quantity(found["energy_J_per_m"], "J/m"),
+        "slip reached after": quantity(found["slip_settle_s"], "s"),
+        "slip error, RMS": quantity(found["slip_rms_error"], "(slip ratio)", digits=2),
+        "speed error, RMS": quantity(found["speed_rmse_m_s"], "mm/s", 1e3),
+        "speed in 95 % band": percent(found["speed_coverage_95"], 1),
+        "slip in 95 % band": percent(found["coverage_95"], 1),
+        "false slip alarms": percent(found["false_alarm_rate"]),
+        "computed in": duration(found["seconds"]),
     }
     return wording.known_rows(rows)
 
@@ -137,7 +139,7 @@ def energy_table(found: Mapping[str, Any]) -> str:
     """Terms of the energy balance as a table; those below a millionth of the whole are left out."""
     whole = found["energy_J"]
     parts = {name: value for name, value in found["energy_split_J"].items() if abs(value) > 1e-6 * abs(whole)}
-    rows = [[ENERGY[name], f"{value:.4g} J", wording.percent(value / whole, 1)] for name, value in parts.items()]
+    rows = [[ENERGY[name], f"{value:.4g} J", percent(value / whole, 1)] for name, value in parts.items()]
     return wording.table(["where the energy went", "", "share"], rows)
 
 

@@ -14,8 +14,10 @@ import numpy as np
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.wording import FOOTER, duration, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
+from ohmward.figures.numbers import duration, percent
 from ohmward.figures.slip import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
@@ -157,15 +159,15 @@ def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
     """Text for people."""
     title = (
         f"robot {found.robot.name!r}: {figures['drives']} drive{'s' if figures['drives'] > 1 else ''}, "
-        f"{wording.duration(figures['duration_s'])}"
+        f"{duration(figures['duration_s'])}"
     )
     files = {"robot file": figures["output"], "floors": figures["floors"] if found.floor else None}
     written = [f"{name}: {path}" for name, path in files.items() if path]
-    return wording.paragraphs(
+    return paragraphs(
         title,
         wording.table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
         wording.fields(floor_fields(found.floor)) if found.floor else "",
-        wording.bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
+        bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
         "\n".join(written) or "No robot file written; name one with -o.",
     )
 
@@ -187,8 +189,8 @@ def floor_fields(floor: Floor) -> dict[str, str]:
     """A learnt floor with its 95 % bands, by name."""
     return {
         "floor": floor.name,
-        "stiffness": f"{floor.stiffness:.3g} ± {wording.percent(BAND_95 * floor.stiffness_std, 0)} (95 %)",
-        "friction": f"{floor.friction:.3g} ± {wording.percent(BAND_95 * floor.friction_std, 0)} (95 %)",
+        "stiffness": f"{floor.stiffness:.3g} ± {percent(BAND_95 * floor.stiffness_std, 0)} (95 %)",
+        "friction": f"{floor.friction:.3g} ± {percent(BAND_95 * floor.friction_std, 0)} (95 %)",
         "across, side, speed power": f"{floor.across:.2f}, {floor.side:.2f}, {floor.speed_power:.2f}",
         "slip left unexplained": f"{floor.slip_std:.3f} of each wheel from drive to drive",
         "rolling, rollers": f"{floor.rolling:.3f}, {floor.roller:.3f} of the load",

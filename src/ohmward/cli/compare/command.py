@@ -14,8 +14,10 @@ from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, progress
-from ohmward.cli.wording import FOOTER, duration, with_assumptions
+from ohmward.cli.paragraphs import paragraphs
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
+from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.logs.log import Note
 from ohmward.report import Page
@@ -54,6 +56,7 @@ def _misfits(task: SocTask, compared: Comparison) -> tuple[Note, ...]:
 
 
 Column = Callable[[Mapping[str, Any]], str]
+Columns = tuple[tuple[str, Column], ...]
 
 
 def summary(task: SocTask, compared: Comparison) -> dict[str, Any]:
@@ -75,7 +78,7 @@ def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
     """Text for people."""
     tables = (wording.table(header, rows) for header, rows in tables_of(task, figures))
     title = f"{figures['log']} with battery {figures['battery']!r}: {figures['steps']:,} samples"
-    return wording.paragraphs(title, *tables)
+    return paragraphs(title, *tables)
 
 
 def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
@@ -87,48 +90,52 @@ def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str]
 
 
 def _percent(key: str, digits: int = 2) -> Column:
-    return lambda figures: wording.percent(figures[key], digits)
+    return lambda figures: percent(figures[key], digits)
 
 
 def _millivolts(key: str) -> Column:
-    return lambda figures: wording.quantity(figures[key], "mV", 1e3)
+    return lambda figures: quantity(figures[key], "mV", 1e3)
 
 
-_SIGNED: dict[str, Column] = {
-    "voltage error: mean": _millivolts("voltage_error_mean_V"),
-    "std": _millivolts("voltage_error_std_V"),
-    "max": _millivolts("voltage_max_error_V"),
-    "SoC error: mean": _percent("soc_error_mean"),
-    "std ": _percent("soc_error_std"),
-    "max ": _percent("soc_max_error"),
-}
-_SIZES: dict[str, Column] = {
-    "SoC: MAE": _percent("soc_mae"),
-    "RMSE": _percent("soc_rmse"),
-    "max": _percent("soc_max_error"),
-    "RMSE after 1 h": _percent("soc_rmse_after_1h"),
-    "in 95 % band": _percent("coverage_95", 1),
-    "per step": lambda figures: f"{figures['us_per_step']:.3g} us",
-}
-_WITHOUT_TRUTH: dict[str, Column] = {
-    "SoC at the end": _percent("soc_final", 1),
-    "its std": _percent("soc_std_final", 1),
-    **dict(list(_SIGNED.items())[:3]),
-    "per step": _SIZES["per step"],
-}
+_VOLTAGE: Columns = (
+    ("voltage error: mean", _millivolts("voltage_error_mean_V")),
+    ("std", _millivolts("voltage_error_std_V")),
+    ("max", _millivolts("voltage_max_error_V")),
+)
+_PER_STEP: Columns = (("per step", lambda figures: f"{figures['us_per_step']:.3g} us"),)
+_SIGNED: Columns = (
+    *_VOLTAGE,
+    ("SoC error: mean", _percent("soc_error_mean")),
+    ("std", _percent("soc_error_std")),
+    ("max", _percent("soc_max_error")),
+)
+_SIZES: Columns = (
+    ("SoC: MAE", _percent("soc_mae")),
+    ("RMSE", _percent("soc_rmse")),
+    ("max", _percent("soc_max_error")),
+    ("RMSE after 1 h", _percent("soc_rmse_after_1h")),
+    ("in 95 % band", _percent("coverage_95", 1)),
+    *_PER_STEP,
+)
+_WITHOUT_TRUTH: Columns = (
+    ("SoC at the end", _percent("soc_final", 1)),
+    ("its std", _percent("soc_std_final", 1)),
+    *_VOLTAGE,
+    *_PER_STEP,
+)
 
 
-def _table(estimators: Mapping[str, Any], columns: Mapping[str, Column]) -> tuple[list[str], list[list[str]]]:
+def _table(estimators: Mapping[str, Any], columns: Columns) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, figures in estimators.items():
-        rows.append([name, *(cell(figures) for cell in columns.values())])
-    return ["estimator", *columns], rows
+        rows.append([name, *(cell(figures) for _, cell in columns)])
+    return ["estimator", *(header for header, _ in columns)], rows
 
 
 def _difference_table(differences: Mapping[str, Mapping[str, float]]) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, row in differences.items():
-        rows.append([name, *(wording.percent(row.get(other)) for other in differences)])
+        rows.append([name, *(percent(row.get(other)) for other in differences)])
     return ["SoC difference, RMS", *differences], rows
 
 

@@ -24,9 +24,11 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.wording import FOOTER, duration, sentence, with_assumptions
+from ohmward.cli.paragraphs import assumptions, bullets, paragraphs
+from ohmward.cli.wording import FOOTER, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
+from ohmward.figures.numbers import duration, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
@@ -85,7 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
             **{kind: [part.summary for part in parts if part.kind == kind] for kind in _KINDS},
             "next": following,
         },
-        text="\n\n".join([*(part.text for part in parts), wording.bullets("Next", following)]),
+        text="\n\n".join([*(part.text for part in parts), bullets("Next", following)]),
         notes=[note for part in parts for note in part.notes],
         has_notes=True,
         page=partial(make_page, parts),
@@ -165,11 +167,11 @@ def _examined(
 ) -> Part:
     """A log with its length, its figures, what was assumed and what was found."""
     sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
-    text = wording.paragraphs(
+    text = paragraphs(
         f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
         wording.fields(rows),
-        wording.assumptions(found.notes, "all"),
-        wording.bullets("Found", sentences) or "Found: nothing suspicious.",
+        assumptions(found.notes, "all"),
+        bullets("Found", sentences) or "Found: nothing suspicious.",
     )
     summary = {"path": path} | asdict(found) | {"worst": found.worst}
     return Part(kind, title, text, summary, commands, found.notes, found.worst == "error", section)
@@ -225,7 +227,7 @@ def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
     """Contents of a robot file."""
     robot = load_robot(path)
     rows = robot_rows(robot)
-    text = wording.paragraphs(f"{path}: robot {robot.name!r}", wording.fields(rows))
+    text = paragraphs(f"{path}: robot {robot.name!r}", wording.fields(rows))
     summary = {"path": path, "name": robot.name} | rows
     yield Part("robots", robot.name, text, summary, [f"ohmward slip LOG --robot {path}"])
 
@@ -233,7 +235,7 @@ def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
 def examine_setup(path: str, _: DriveOptions) -> Iterator[Part]:
     """Contents of a setup."""
     rows = setup_rows(SETUP_FILE.load(path))
-    text = wording.paragraphs(f"{path}: setup of a robot", wording.fields(rows))
+    text = paragraphs(f"{path}: setup of a robot", wording.fields(rows))
     yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
 
 
@@ -283,8 +285,8 @@ def contents(log: Log, found: Findings[Survey]) -> dict[str, str]:
         "resolution": f"{1e3 * s.current.resolution:.3g} mA, {1e3 * s.voltage.resolution:.3g} mV",
         "charge": f"{s.activity.charge_in_Ah:.4g} Ah in, {s.activity.charge_out_Ah:.4g} Ah out",
         "activity": f"{s.activity.rests} rests, {s.activity.pulses} pulses between rests",
-        "at rest": wording.quantity(s.activity.rest_current_A, "mA", 1e3),
-        "edges": f"{s.sign.edges} of the current; dV/dI = {wording.quantity(s.sign.resistance_ohm, 'mohm', 1e3)}",
+        "at rest": quantity(s.activity.rest_current_A, "mA", 1e3),
+        "edges": f"{s.sign.edges} of the current; dV/dI = {quantity(s.sign.resistance_ohm, 'mohm', 1e3)}",
     }
     return rows | ({"also": ", ".join(log.extra)} if log.extra else {})
 
@@ -300,11 +302,11 @@ def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
     tests = worthwhile_tests(battery, bands)
     rows = [["as the file is", *map(_cell, bands)]]
     rows += [[f"at best, {test.test}", *map(_cell, test.bands)] for test in tests]
-    text = wording.paragraphs(
-        f"{path}: battery {battery.name!r}, {wording.quantity(battery.capacity_Ah, 'Ah')}, "
+    text = paragraphs(
+        f"{path}: battery {battery.name!r}, {quantity(battery.capacity_Ah, 'Ah')}, "
         f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
         wording.fields(sources(battery)),
-        wording.bullets("Not known", battery.not_identified),
+        bullets("Not known", battery.not_identified),
         f"{wording.table(BANDS, rows)}\n({READING})",
     )
     summary = {

@@ -21,6 +21,7 @@ from ohmward.cli.battery_inputs import (
 )
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
+from ohmward.cli.paragraphs import paragraphs
 from ohmward.embedded import blind
 from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.embedded.c_library import check_fits, library, size, write_library
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> Outcome:
     }
     if python:
         (path,) = write_library({f"{name}.py": python_file(export, args.sample_time, **start)}, Path(args.output))
-        text = wording.paragraphs(
+        text = paragraphs(
             f"{path}: {export.title}",
             f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
             f"  from {name} import Model\n  soc, z = Model(X)",
@@ -126,7 +127,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "state": f"{needed.state} bytes",
         "files": ", ".join(path.name for path in paths),
     }
-    text = wording.paragraphs(
+    text = paragraphs(
         f"{args.output}: {export.title}",
         wording.fields(rows),
         f"compile and check it here:\n  make -C {shlex.quote(str(args.output))} test",
@@ -156,8 +157,8 @@ def _submission(args: argparse.Namespace) -> Outcome:
         "runs": [score._asdict() for score in scores],
         "notes": notes,
     }
-    paragraphs = (f"{output}: {export.title}", _score_table(scores) if scores else "")
-    return Outcome(figures, wording.paragraphs(*paragraphs), notes)
+    parts = (f"{output}: {export.title}", _score_table(scores) if scores else "")
+    return Outcome(figures, paragraphs(*parts), notes)
 
 
 def _rehearsed(

@@ -17,9 +17,11 @@ from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.health import battery_map, trend_figure
+from ohmward.figures.numbers import percent
 from ohmward.filters.consistency import BAND_95
 from ohmward.fleet import (
     Finished,
@@ -146,20 +148,20 @@ def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str
     rows = {
         "logs": f"{figures['logs']:,}, {figures['resumed']:,} {'robots' if states else 'of them'} done before",
         "hours": f"{figures['hours']:,.1f} in {figures['samples']:,} samples",
-        "least charge at the end": wording.percent(figures["soc_final_min"], 1),
-        "least capacity": f"{wording.percent(figures['soh_capacity_min'], 1)} of the battery file's",
-        "largest resistance": f"{wording.percent(figures['resistance_ratio_max'], 1)} of the battery file's",
+        "least charge at the end": percent(figures["soc_final_min"], 1),
+        "least capacity": f"{percent(figures['soh_capacity_min'], 1)} of the battery file's",
+        "largest resistance": f"{percent(figures['resistance_ratio_max'], 1)} of the battery file's",
         "could not be used": f"{figures['failed']:,}",
         "battery file does not fit": f"{len(figures['misfits']):,}",
         "written": ", ".join(path for path in (figures.get("report"), figures["summary"]) if path),
     }
     alarms = [f"{state.robot}: {alarm}" for state in states for alarm in state.alarms]
-    return wording.paragraphs(
+    return paragraphs(
         wording.fields(rows),
         wording.table(ROBOTS, [robot_row(state) for state in states[:_MOST_RANKED]]) if states else "",
-        wording.bullets("Alarms", _cut(alarms, "see the page"), "warning"),
-        wording.bullets("Not used", _first(figures["errors"], "error")),
-        "" if states else wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
+        bullets("Alarms", _cut(alarms, "see the page"), "warning"),
+        bullets("Not used", _first(figures["errors"], "error")),
+        "" if states else bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
     )
 
 

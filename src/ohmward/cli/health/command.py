@@ -19,9 +19,11 @@ from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
-from ohmward.cli.wording import FOOTER, lognormal, normal, ratio, sentence, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.health import life_figure, trend_figures
+from ohmward.figures.numbers import lognormal, normal, ratio
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.table import counted
@@ -155,12 +157,12 @@ def describe(f: Mapping[str, Any]) -> str:
     f: the summary of the run, here and in all functions below.
     """
     aside = [f"{log['log']}: {log['reason']}" for log in f["logs"] if log["verdict"] == "set aside"]
-    return wording.paragraphs(
+    return paragraphs(
         f"health of battery {f['battery']!r} over {span(f)}",
         wording.fields(result(f)),
-        wording.bullets("Sudden changes, which no ageing makes", list(map(change_text, f["sudden_changes"]))),
-        wording.bullets("Logs off the trend", list(map(off_text, f["off_trend"]))),
-        wording.bullets("Set aside", aside),
+        bullets("Sudden changes, which no ageing makes", list(map(change_text, f["sudden_changes"]))),
+        bullets("Logs off the trend", list(map(off_text, f["off_trend"]))),
+        bullets("Set aside", aside),
     )
 
 

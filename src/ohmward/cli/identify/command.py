@@ -17,8 +17,10 @@ from ohmward.battery.models.rc import four_numbers, rc_of_thevenin
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
+from ohmward.figures.numbers import quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.logs.selection import split_selection
 from ohmward.report import Page
@@ -98,17 +100,17 @@ def summary(found: Identified, seconds: float, as_rc: bool = False) -> dict[str,
 
 def describe(battery: Battery, figures: dict[str, Any]) -> str:
     """Text for people."""
-    measured = wording.quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
+    measured = quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
     capacity = f"{battery.capacity_Ah:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
     title = f"battery {battery.name!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"
     written = wording.written_battery(figures) if figures["output"] else "No battery file written; name one with -o."
-    return wording.paragraphs(
+    return paragraphs(
         title,
         "" if figures["fits"] else MISFIT,
         wording.table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
         wording.table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
         wording.table(FITS, fit_rows(battery)),
-        wording.bullets("Not identified", battery.not_identified),
+        bullets("Not identified", battery.not_identified),
         written,
     )
 
@@ -133,8 +135,8 @@ def fit_rows(battery: Battery) -> list[list[str]]:
             fit.log,
             fit.test,
             f"{max(100 * fit.soc_min, 0.0):.0f} to {100 * fit.soc_max:.0f} %",
-            wording.quantity(fit.residual_rms_V or None, "mV", 1e3),
-            wording.quantity(fit.residual_max_V or None, "mV", 1e3),
+            quantity(fit.residual_rms_V or None, "mV", 1e3),
+            quantity(fit.residual_max_V or None, "mV", 1e3),
         ]
         for fit in fits
     ]
@@ -149,7 +151,7 @@ def rc_summary(battery: Battery) -> dict[str, Any]:
 
 def rc_rows(figures: dict[str, Any]) -> list[list[str]]:
     """Rows of the table of the RC model."""
-    return [[name, wording.quantity(figures[key], unit, scale)] for name, key, unit, scale in _ROWS]
+    return [[name, quantity(figures[key], unit, scale)] for name, key, unit, scale in _ROWS]
 
 
 def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:

@@ -17,8 +17,11 @@ from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
 from ohmward.cli.outcome import Outcome, check_output, progress
-from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER, sentence, with_assumptions
 from ohmward.figures import learning as pictures
+from ohmward.figures.numbers import known as is_known
+from ohmward.figures.numbers import lognormal, normal, quantity
 from ohmward.filters.consistency import BAND_95
 from ohmward.fleet.learning import BatteryFiles, Journal, LearningJob, Row, journal_path, learn_all
 from ohmward.logs.selection import split_selection
@@ -120,12 +123,12 @@ def describe(f: Mapping[str, Any]) -> str:
     """
     rows = f["logs"]
     left = [f"{row['log']}, {row['verdict']}: {row['reason']}" for row in rows if row["verdict"] != "learnt"]
-    return wording.paragraphs(
+    return paragraphs(
         title(f),
         *(f"{headline(file)}\n{wording.table(CHANGES, change_rows(file))}" for file in f["files"]),
         wording.table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
-        wording.bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
-        wording.bullets("Not learnt from", left),
+        bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
+        bullets("Not learnt from", left),
         ending(f),
     )
 
@@ -170,7 +173,7 @@ def change_rows(file: Mapping[str, Any]) -> list[list[str]]:
     columns = [
         quantities(of)
         | {
-            "open-circuit curve": f"± {wording.quantity(of['ocv_std_V'], 'mV', BAND_95 * 1e3, 2)}",
+            "open-circuit curve": f"± {quantity(of['ocv_std_V'], 'mV', BAND_95 * 1e3, 2)}",
             "learnt from": f"{counted(of['logs'], 'log')}, {of['hours']:.1f} h",
         }
         for of in (file["before"], file["after"])
@@ -184,11 +187,11 @@ def log_rows(rows: Sequence[Row]) -> list[list[str]]:
         [
             row["log"],
             row["verdict"],
-            f"{row['hours']:.1f}" if wording.known(row.get("hours")) else "-",
-            f"{100 * row['soc_min']:.0f} to {100 * row['soc_max']:.0f} %" if wording.known(row.get("soc_min")) else "-",
+            f"{row['hours']:.1f}" if is_known(row.get("hours")) else "-",
+            f"{100 * row['soc_min']:.0f} to {100 * row['soc_max']:.0f} %" if is_known(row.get("soc_min")) else "-",
             normal(row["capacity_Ah"], "Ah") if row["verdict"] == "learnt" else "-",
             lognormal(row["resistance_ohm"], "mΩ", 1e3) if row["verdict"] == "learnt" else "-",
-            wording.quantity(row.get("residual_rms_V"), "mV", 1e3),
+            quantity(row.get("residual_rms_V"), "mV", 1e3),
             row["reason"],
         ]
         for row in rows

@@ -15,7 +15,8 @@ from ohmward.cli.battery_inputs import load_with_sensor, of_kinds, read_battery_
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.energy import (
     Consumption,
     MissionForecast,
@@ -30,6 +31,7 @@ from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, anal
 from ohmward.energy.points import Quantiles
 from ohmward.errors import InputError
 from ohmward.figures import mission as pictures
+from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.logs import DriveLog, Log, Note
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
@@ -225,13 +227,13 @@ def describe(f: Mapping[str, Any]) -> str:
     """
     robot = f", robot {f['robot']!r}" if f["robot"] else ""
     parts = split_rows(f["drive"])
-    return wording.paragraphs(
+    return paragraphs(
         f"{f['log'] or 'plan'} with battery {f['battery']!r}{robot}",
         wording.fields(result(f)),
         wording.table(["energy", "", "share", "std, at most"], parts) if parts else "",
         wording.table(TERRAINS, terrain_rows(f)) if f["terrains"] else "",
         wording.fields(plan_rows(f["plan"])) if f["plan"] else "",
-        wording.bullets("Advice", advice_lines(f)),
+        bullets("Advice", advice_lines(f)),
     )
 
 

@@ -12,8 +12,8 @@ from importlib.resources import files
 from typing import Any
 
 from ohmward.checks import require_positive
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.run import JSON, TEXT
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
@@ -112,14 +112,14 @@ def summary(trial: Trial) -> dict[str, Any]:
 def describe(trial: Trial, setup: str) -> str:
     """The findings by severity, and the verdict."""
     parts = [
-        wording.bullets(title, [f"{f.name}: {f.message}" for f in trial.findings if f.level == level])
+        bullets(title, [f"{f.name}: {f.message}" for f in trial.findings if f.level == level])
         for level, title in _TITLES.items()
         if any(f.level == level for f in trial.findings)
     ]
     wrong = sum(f.level == Level.ERROR for f in trial.findings)
     things = "thing is" if wrong == 1 else "things are"
     verdict = f"{setup}: {wrong} {things} wrong" if wrong else f"{setup}: nothing is wrong; ohmward run {setup}"
-    return wording.paragraphs(*parts, verdict)
+    return paragraphs(*parts, verdict)
 
 
 class JsonFormatter(logging.Formatter):

@@ -16,8 +16,8 @@ from string import Template
 from typing import Any
 
 from ohmward.atomic import write_text
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
+from ohmward.cli.paragraphs import paragraphs
 from ohmward.errors import InputError
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 
@@ -74,7 +74,7 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
         "  systemctl status ohmward                 charge, and what is not in order",
         "  journalctl -u ohmward -f                 its log",
     ]
-    return Outcome({}, wording.paragraphs("\n".join(done), "\n".join(notes)), notes, has_notes=True)
+    return Outcome({}, paragraphs("\n".join(done), "\n".join(notes)), notes, has_notes=True)
 
 
 def verify(path: Path) -> list[str]:

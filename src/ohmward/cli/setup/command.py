@@ -17,6 +17,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.parser import Parser
 from ohmward.cli.setup import add_arguments
 from ohmward.errors import InputError
@@ -385,13 +386,13 @@ def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
     before = "".join(f"; {path} of before is {backup}" for path, backup in backups.items())
     questions = [f"{q.text}  {q.option} {q.example}" for q in asked]
     options = shlex.join([word for q in asked for word in (q.option, q.example)])
-    return wording.paragraphs(
+    return paragraphs(
         head,
         "Recognised:\n" + wording.fields(found) if found else "",
-        wording.bullets("Asked, each with the option that answers it", questions),
+        bullets("Asked, each with the option that answers it", questions),
         f"All at once, with your answers: {options}" if asked else "",
-        wording.bullets("Assumed", plan.notes),
-        wording.bullets("Not used", [", ".join(plan.unused)] if plan.unused else []),
+        bullets("Assumed", plan.notes),
+        bullets("Not used", [", ".join(plan.unused)] if plan.unused else []),
         f"Written: {written}{before}",
         f"Next: ohmward run --check {plan.args.output}; then ohmward run {plan.args.output} and http://127.0.0.1:8080",
     )

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
-from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
+from ohmward.figures.numbers import duration, flagged, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import floor_plots, ground_figures, path_map, speed_figure
 from ohmward.filters.consistency import BAND_95
@@ -105,10 +107,10 @@ def describe(f: Mapping[str, Any]) -> str:
 
     f: the summary of the drive, here and in all functions below.
     """
-    return wording.paragraphs(
+    return paragraphs(
         f"{f['log']} with robot {f['robot']!r}: {f['filter']} on {f['terrain']}",
         wording.fields(result(f)),
-        wording.bullets("Slip", episodes(f)),
+        bullets("Slip", episodes(f)),
         wording.fields(errors(f)) if f["truth"] else "",
     )
 
@@ -131,7 +133,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
         "radius": _ratio(f["radius_ratio"], f["radius_std"], "the robot's"),
         "speed unobserved": f"{percent(f['unobserved_share'], 1)} of the time",
-        "flagged samples": wording.flagged(f["flags"]),
+        "flagged samples": flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
     }
     if f["floor_share"]:

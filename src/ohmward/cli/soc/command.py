@@ -22,9 +22,10 @@ from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
-from ohmward.cli.paragraphs import width
-from ohmward.cli.wording import FOOTER, band, duration, lognormal, normal, percent, quantity, sentence, with_assumptions
+from ohmward.cli.paragraphs import bullets, paragraphs, styled, width
+from ohmward.cli.wording import FOOTER, sentence, with_assumptions
 from ohmward.figures import battery as pictures
+from ohmward.figures.numbers import band, duration, flagged, lognormal, normal, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
@@ -123,15 +124,15 @@ def describe(f: Mapping[str, Any]) -> str:
     ]
     cells = f["cells"]
     drifting = [warning["text"] for warning in cells["warnings"]] if cells else []
-    return wording.paragraphs(
+    return paragraphs(
         f"{f['log']} with battery {f['battery']!r}\n{f['filter']}: {title_of(f['filter'])}",
-        wording.styled(textwrap.fill(headline(f), width())),
+        styled(textwrap.fill(headline(f), width())),
         wording.fields(result(f)),
-        wording.bullets(_ANCHORS, anchors),
+        bullets(_ANCHORS, anchors),
         f"Cells\n{wording.fields(pack_rows(cells))}" if cells else "",
         wording.table(_CELLS, cell_rows(cells)) if cells else "",
-        wording.bullets("Cells that drift apart from the others", drifting),
-        wording.bullets(f"What makes the band wide, and what would narrow it ({_SQUARES})", causes),
+        bullets("Cells that drift apart from the others", drifting),
+        bullets(f"What makes the band wide, and what would narrow it ({_SQUARES})", causes),
         wording.table(["against the truth", "whole log", "after 1 h"], error_rows(f)) if f["truth"] else "",
     )
 
@@ -158,7 +159,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "current offset": f"{normal(learnt(f, 'current_offset_A'), 'mA', 1e3)} (95 %)",
         "capacity": f"{normal(learnt(f, 'soh_capacity'), '%', 100)} of the battery file's (95 %)",
         "resistance": f"{lognormal(learnt(f, 'resistance_ratio'), '%', 100)} of the battery file's (95 %)",
-        "flagged samples": wording.flagged(f["flags"]),
+        "flagged samples": flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
     }
     return wording.known_rows(rows)

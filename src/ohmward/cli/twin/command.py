@@ -11,12 +11,14 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import drive_options
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.paragraphs import paragraphs
 from ohmward.embedded.battery import battery_export, curve_error_of_pack_V
 from ohmward.embedded.c_library import Export
 from ohmward.embedded.comparison import compare
 from ohmward.embedded.traction import observer_export
 from ohmward.embedded.twin import Twin, first_of, output_columns
 from ohmward.errors import InputError
+from ohmward.figures.numbers import flagged
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.logs.write import TABLES
 from ohmward.traction import load_robot
@@ -129,11 +131,11 @@ def describe(figures: dict[str, Any]) -> str:
     """Text for people."""
     step_s = figures["seconds"] / max(figures["steps"], 1)
     rows = {name: f"{value:.6g}" for name, value in figures["final"].items()} | {
-        "flagged samples": wording.flagged(figures["flags"]),
+        "flagged samples": flagged(figures["flags"]),
         "steps": f"{figures['steps']:,}, {1e9 * step_s:.0f} ns each",
     }
     table = [[name, f"{value:.2g}"] for name, value in (figures["differences"] or {}).items()]
-    return wording.paragraphs(
+    return paragraphs(
         f"{figures['log']} through {figures['name']!r} of {figures['library']}, after the last sample",
         wording.fields(rows),
         f"Compared with double precision. {figures['compared_with']}:" if table else "",
