@@ -35,7 +35,7 @@ BEYOND_TESTS = 0.02
 ABOVE_FULL = 0.1
 #: A load pulls a battery below its open-circuit voltage. More than this share above that of a full battery are only the
 #: first minutes after a charge: this share of the samples under a load of this many capacities per hour, and fewest.
-_ABOVE_UNDER_LOAD, _AFTER_CHARGE, _LOAD_C, _FEWEST_LOADED = 0.05, 0.1, 0.05, 30
+_ABOVE_UNDER_LOAD, _AFTER_CHARGE, _UNDER_LOAD_C, _FEWEST_LOADED = 0.05, 0.1, 0.05, 30
 #: Relative standard deviation of the resistance at a temperature of the log above which a warning is given.
 DOUBTFUL_RESISTANCE = 0.1
 
@@ -269,7 +269,7 @@ def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
 def full_under_load(log: Log, battery: Battery) -> str:
     """Contradiction of the voltage under load with the curve of the battery file; "" for none."""
     full_V = battery.thevenin.ocv.voltage_V[-1]
-    loaded_V = log.voltage_V[(log.current_A < -_LOAD_C * battery.capacity_Ah) & np.isfinite(log.voltage_V)]
+    loaded_V = log.voltage_V[(log.current_A < -_UNDER_LOAD_C * battery.capacity_Ah) & np.isfinite(log.voltage_V)]
     above = loaded_V > (1.0 + _ABOVE_UNDER_LOAD) * full_V
     if loaded_V.size < _FEWEST_LOADED or above.mean() < _AFTER_CHARGE:
         return ""
