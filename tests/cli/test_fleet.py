@@ -73,6 +73,8 @@ def test_a_battery_file_that_does_not_fit_is_named_for_each_log(folder, capsys):
     )
     rows = list(csv.DictReader((folder / "out" / "summary.csv").open()))
     assert {Path(row["path"]).stem: row["fits"] for row in rows} == {"pack": "False", "right": "True"}
+    (right,) = (row for row in rows if row["fits"] == "True")
+    assert figures["soc_final_min"] == float(right["soc_final"])
     assert main(command) == 1
     assert "Not to be trusted" in capsys.readouterr().out
 

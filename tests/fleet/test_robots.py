@@ -69,6 +69,54 @@ def test_a_column_of_robots_wins_and_serves_files_that_cannot_be_read(tmp_path):
     assert {robot: len(logs) for robot, logs in found.logs.items()} == {"R0": 2, "R1": 2}
 
 
+def logs_with_ids(folder: Path) -> list[str]:
+    """Two logs each of R0 and R1, with their robots in a column."""
+    folder.mkdir()
+    return [write(folder / f"{'abcd'[k]}.csv", day(k, 0.9), robot_id=f"R{k % 2}") for k in range(4)]
+
+
+def test_a_log_without_the_column_of_the_robot_does_not_change_those_of_the_others(tmp_path):
+    texts = logs_with_ids(tmp_path / "logs")
+    other = write(tmp_path / "noid.csv", day(0, 0.9))
+    found = robots_of([*texts, other])
+    assert (found.by, found.otherwise) == ("robot_id", (other,))
+    assert found.logs == {"R0": texts[::2], "R1": texts[1::2], "noid": [other]}
+
+
+def test_files_that_are_no_logs_do_not_change_the_robots_and_are_none(tmp_path):
+    texts = logs_with_ids(tmp_path / "logs")
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "header_only.csv").write_text("timestamp,current_A,voltage_V\n")
+    (tmp_path / "photo.csv").write_bytes(bytes(range(256)) * 20)
+    broken = [str(tmp_path / f"{name}.csv") for name in ("empty", "header_only", "photo")]
+    found = robots_of([*broken, *texts])
+    assert found == (*robots_of(texts)[:3], tuple(broken))
+    assert robots_of([*broken, *texts[:1]]).by == "log"
+
+
+def test_logs_of_different_robots_are_never_one_robot_by_their_names(tmp_path):
+    texts = [write(tmp_path / f"run_{k}.csv", day(k, 0.9), robot_id=f"R{k}") for k in range(3)]
+    assert robots_of(texts) == ("log", {text: [text] for text in texts}, (), ())
+
+
+def test_a_few_names_with_numbers_do_not_hide_the_folders(tmp_path):
+    for robot in ("left", "right"):
+        (tmp_path / robot).mkdir()
+    places = ("left/x.csv", "left/run 2.csv", "right/x.csv", "right/y.csv")
+    texts = [write(tmp_path / place, day(k, 0.9)) for k, place in enumerate(places)]
+    found = robots_of(texts)
+    assert (found.by, found.logs) == ("folder", {"left": texts[:2], "right": texts[2:]})
+
+
+def test_logs_with_one_name_in_two_folders_stay_alone(tmp_path):
+    texts = logs_with_ids(tmp_path / "logs")
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+    others = [write(tmp_path / folder / "noid.csv", day(0, 0.9)) for folder in ("one", "two")]
+    found = robots_of([*texts, *others])
+    assert [len(logs) for logs in found.logs.values()] == [2, 2, 1, 1]
+
+
 def test_a_file_of_several_robots_is_split_by_its_column(tmp_path):
     one, two = day(0, 0.9), day(0, 0.8)
     both = {name: np.concatenate([one[name], two[name]]) for name in one}
@@ -143,6 +191,22 @@ def test_alarms_name_the_robot_and_the_worst_is_first(tmp_path):
     assert any("resistance" in alarm for alarm in states[0].alarms)
     assert all(not state.alarms for state in states[1:])
     assert {state.robot: state.refused for state in states} == {f"r{k}": int(k == 2) for k in range(6)}
+
+
+def test_logs_of_no_robot_are_refused_and_are_no_robot(tmp_path):
+    (tmp_path / "photo.csv").write_bytes(bytes(range(256)) * 20)
+    texts = [write(tmp_path / "x.csv", day(0, 0.9)), str(tmp_path / "photo.csv")]
+    rows = job({"r": texts[:1], "": texts[1:]}).run(["r x", " x"])
+    assert [state.robot for state in robot_states(rows)] == ["r"]
+    (refused,) = rows[1]["logs"]
+    assert (refused["robot"], refused["path"]) == (None, texts[1])
+    assert "not a text table" in refused["error"]
+
+
+def test_a_refused_log_names_its_robot(tmp_path):
+    texts = [write(tmp_path / f"{name}.csv", day(0, 0.9)) for name in "ab"]
+    (row,) = job({"r": texts}).run(["r x"])
+    assert [(log["robot"], log["error"] is None) for log in row["logs"]] == [("r", True), ("r", False)]
 
 
 def test_a_robot_whose_job_was_lost_is_named(tmp_path):

@@ -107,7 +107,7 @@ class RobotJob:
     """An estimator and its settings, the same for every robot; its items are robots."""
 
     settings: Job  #: of every log; the initial state of charge is that of the first log of each robot
-    robots: dict[str, list[str]]  #: robot -> its logs
+    robots: dict[str, list[str]]  #: robot -> its logs; "" -> those of no robot
     batteries: str | None = None  #: folder for the learnt battery file of each robot; None writes none
 
     @property
@@ -144,9 +144,10 @@ class RobotJob:
             last_stds = {std: float(getattr(found, std)[-1]) for std in STD_OF.values()}
             stds = {std: value if math.isfinite(value) else None for std, value in last_stds.items()}
             warnings = [note.text for note in log.notes if note.level == "warning"]
-            rows[text] = {"robot": robot, "begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
+            rows[text] = {"begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
             rows[text] |= stds | {"throughput_Ah": log.throughput_Ah(), "warnings": warnings}
-        ordered = [rows[text] for text in dict.fromkeys([*(one.text for one in logs), *texts])]
+        of_robot = {"robot": robot or None}
+        ordered = [of_robot | rows[text] for text in dict.fromkeys([*(one.text for one in logs), *texts])]
         error = None if logs else f"none of its {len(texts)} logs could be used: {ordered[0]['error']}"
         return {"path": item, "robot": robot, "error": error, "logs": ordered, **self._learn(robot, battery, estimator)}
 

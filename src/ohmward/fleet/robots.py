@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,93 +30,135 @@ _NUMBERED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:run|log|part|day|trip
 class Robots(NamedTuple):
     """Logs by their robots."""
 
-    by: str  #: the way, or the name of the column, by which they were identified
+    by: str  #: the way, or the name of the column, by which most logs were identified
     logs: dict[str, list[str]]  #: robot -> its logs; with a selection of rows if a file holds several robots
+    otherwise: tuple[str, ...] = ()  #: logs that were identified in another way: by their names, or each alone
+    unreadable: tuple[str, ...] = ()  #: logs that cannot be opened and belong to no robot of the others
 
 
 def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | None = None) -> Robots:
-    """Assign logs to their robots.
+    """Assign logs to their robots; a log that is unreadable or names no robot does not change those of the others.
 
     texts: names of logs, perhaps with a selection of their rows.
-    by: one of `WAYS`, or the name of a column; `auto`, the default, takes the first that gives a robot several logs: a
-        column of robots, serial numbers, names, folders; if none does, each log counts as a robot.
+    by: one of `WAYS`, or the name of a column; `auto`, the default, takes for each log the first that it has: a column
+        of robots, a serial number, a name before a date or number. If most logs have none of them, their folders count.
+        If no robot has several logs, each log counts as a robot.
 
     Raises:
         InputError: no log has the column, or a serial number.
     """
     by = by or AUTO
-    files = {text: file for text in texts if (file := _opened(text, hints)) is not None}
     if by == ALONE:
-        return Robots(by, {text: [text] for text in texts})
-    if by not in WAYS:
-        return _required(by, texts, files, lambda names: next((n for n in names if n.lower() == by.lower()), None))
-    if by == SERIAL:
-        return _required(by, texts, files, serial_column)
-    if by in (NAME, FOLDER):
-        return Robots(by, _grouped(texts, _of_name if by == NAME else _of_folder))
-    for found in _candidates(texts, files):
-        if any(len(logs) > 1 for logs in found.logs.values()) and len(found.logs) < len(texts):
-            return found
-    return Robots(ALONE, {text: [text] for text in texts})
+        return _each_alone(texts)
+    files = {text: file for text in texts if (file := _opened(text, hints)) is not None}
+    finds = _finds(by)
+    if by not in (AUTO, NAME, FOLDER) and not any(find(file.names) for file in files.values() for find in finds):
+        what = "a serial number" if by == SERIAL else f"the column {by!r}"
+        raise InputError(f"--by {by}: no log has {what}; name another column, or one of {', '.join(WAYS)}")
+    labels = {text: label for text, file in files.items() if (label := _label(file, finds)) is not None}
+    readable = [text for text, file in files.items() if text in labels or _has_rows(text, file)]
+    way = _way(readable, labels) if by == AUTO else FOLDER if by == FOLDER else NAME
+    found = _assigned(readable, labels, way)
+    is_split = any(len(label.robots) > 1 for label in labels.values())
+    if by == AUTO and not is_split and all(len(logs) == 1 for logs in found.logs.values()):
+        return _each_alone(texts)
+    return _with_unreadable(found, [text for text in texts if text not in readable], way)
 
 
-def _candidates(texts: Sequence[str], files: dict[str, TableFile]) -> Iterable[Robots]:
-    for find in (_robot_column, serial_column):
-        columns = [find(file.names) for file in files.values()]
-        if columns and all(columns):
-            yield Robots(str(columns[0]), _by_column(texts, files, find))
-    if all(_of_name(text) != _stem(text) for text in files):
-        yield Robots(NAME, _grouped(texts, _of_name))
-    if len({_of_folder(text) for text in texts}) > 1:
-        yield Robots(FOLDER, _grouped(texts, _of_folder))
+class _Label(NamedTuple):
+    """Robots in a log by one of its columns."""
+
+    column: str
+    robots: list[str]
 
 
 Find = Callable[[tuple[str, ...]], str | None]
 
 
-def _required(by: str, texts: Sequence[str], files: dict[str, TableFile], find: Find) -> Robots:
-    if not any(find(file.names) for file in files.values()):
-        what = "a serial number" if by == SERIAL else f"the column {by!r}"
-        raise InputError(f"--by {by}: no log has {what}; name another column, or one of {', '.join(WAYS)}")
-    return Robots(by, _by_column(texts, files, find))
+def _finds(by: str) -> tuple[Find, ...]:
+    """Functions that find the column of a way, the first preferred."""
+    if by == AUTO:
+        return _robot_column, serial_column
+    if by == SERIAL:
+        return (serial_column,)
+    if by in WAYS:
+        return ()
+    return (lambda names: next((name for name in names if name.lower() == by.lower()), None),)
 
 
-def _by_column(texts: Sequence[str], files: dict[str, TableFile], find: Find) -> dict[str, list[str]]:
-    """Robots by the values of a column; a log without it is assigned by its name."""
-    robots: dict[str, list[str]] = {}
-    left = []
-    for text in texts:
-        column = find(files[text].names) if text in files else None
+def _label(file: TableFile, finds: Sequence[Find]) -> _Label | None:
+    """The robots by the first column that names any."""
+    for find in finds:
+        column = find(file.names)
         try:
-            values = [] if column is None else labels_in(files[text], column)
+            robots = [] if column is None else labels_in(file, column)
         except OhmwardError:
-            values = []
-        if not values:
-            left.append(text)
-        mark = "," if split_selection(text)[1] else ":"
-        for value in values:
-            robots.setdefault(value, []).append(text if len(values) == 1 else f"{text}{mark}{column}={value}")
-    for text in left:
-        robots.setdefault(_of_name(text), []).append(text)
-    return robots
+            robots = []
+        if column is not None and robots:
+            return _Label(column, robots)
+    return None
+
+
+def _way(readable: Sequence[str], labels: Mapping[str, _Label]) -> str:
+    """The way to assign logs without a label, by what most logs have."""
+    without = [text for text in readable if text not in labels]
+    known = len(labels) + sum(_in_name(text) is not None for text in without)
+    if 2 * known > len(readable):
+        return NAME
+    return FOLDER if len({_of_folder(text) for text in without}) > 1 else ALONE
+
+
+def _assigned(readable: Sequence[str], labels: Mapping[str, _Label], way: str) -> Robots:
+    """Robots of the logs that can be read: by their labels, else by the way, else each alone."""
+    robots: dict[str, list[str]] = {}
+    found_by: dict[str, str] = {}
+    for text in readable:
+        robot = _ROBOT[way](text)
+        if text in labels:
+            column, values = labels[text]
+            mark = "," if split_selection(text)[1] else ":"
+            for value in values:
+                robots.setdefault(value, []).append(text if len(values) == 1 else f"{text}{mark}{column}={value}")
+            found_by[text] = column
+        elif robot is not None:
+            robots.setdefault(robot, []).append(text)
+            found_by[text] = way
+    known = set(robots)
+    for text in readable:
+        if text not in found_by:
+            stem = _stem(text)
+            robots.setdefault(stem if stem in known or stem not in robots else text, []).append(text)
+    ways = list(found_by.values())
+    by = max(ways, key=ways.count, default=way)
+    return Robots(by, robots, tuple(text for text in readable if found_by.get(text) != by))
+
+
+def _with_unreadable(found: Robots, texts: Sequence[str], way: str) -> Robots:
+    """The robots with the logs that cannot be opened: of a robot of the others, or of one that the name gives."""
+    robots = {robot: list(logs) for robot, logs in found.logs.items()}
+    unknown = []
+    for text in texts:
+        robot = _ROBOT[way](text) or _stem(text)
+        if robot in found.logs or robot == _in_name(text):
+            robots.setdefault(robot, []).append(text)
+        else:
+            unknown.append(text)
+    return found._replace(logs=robots, unreadable=tuple(unknown))
+
+
+def _each_alone(texts: Sequence[str]) -> Robots:
+    return Robots(ALONE, {text: [text] for text in texts})
 
 
 def _robot_column(names: tuple[str, ...]) -> str | None:
     return next((name for name in names if _COLUMN.match(name)), None)
 
 
-def _grouped(texts: Sequence[str], robot: Callable[[str], str]) -> dict[str, list[str]]:
-    groups: dict[str, list[str]] = {}
-    for text in texts:
-        groups.setdefault(robot(text), []).append(text)
-    return groups
-
-
-def _of_name(text: str) -> str:
-    """The name of a log before its date or its number."""
+def _in_name(text: str) -> str | None:
+    """The name of a log before its date or its number; None without one."""
     stem = _stem(text)
     found = _DATED.match(stem) or _NUMBERED.match(stem)
-    return found["robot"] if found else stem
+    return found["robot"] if found else None
 
 
 def _stem(text: str) -> str:
@@ -129,11 +171,29 @@ def _of_folder(text: str) -> str:
     return Path(split_selection(text)[0]).resolve().parent.name
 
 
+#: Robot of a log without a label by each way; None leaves it alone.
+_ROBOT: Mapping[str, Callable[[str], str | None]] = {NAME: _in_name, FOLDER: _of_folder, ALONE: lambda text: None}
+
+
 def _opened(text: str, hints: FileHints | None) -> TableFile | None:
     try:
         return open_table(split_selection(text)[0], hints)
     except OhmwardError:
         return None
+
+
+#: A larger file has rows [bytes]; it is not read to find out.
+_LARGEST_HEADER = 50_000
+
+
+def _has_rows(text: str, file: TableFile) -> bool:
+    """False for a table of which only the header is there."""
+    if file.choose or split_selection(text)[0].stat().st_size > _LARGEST_HEADER:
+        return True
+    try:
+        return bool(file.load(set(file.names)).line.size)
+    except OhmwardError:
+        return False
 
 
 #: One-sided 95 % of a normal distribution: an alarm holds with that probability.
@@ -176,9 +236,9 @@ class RobotRecord(NamedTuple):
 def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
     """The robots of a finished job, the worst first: by the number of their alarms, then by their capacity.
 
-    rows: from `RobotJob.run`.
+    rows: from `RobotJob.run`; logs of no robot are left out.
     """
-    rows = [row if "logs" in row else _lost(row) for row in rows]
+    rows = [row for each in rows if (row := each if "logs" in each else _lost(each))["robot"]]
     states = [_state(row) for row in rows]
     fleet = {name: _of_fleet(states, name) for name in ("soh_capacity", "resistance_ratio")}
     judged = []

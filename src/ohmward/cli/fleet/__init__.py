@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--by",
         metavar="WAY",
         help="whose log it is: the name of a column (robot_id), serial, name (amr-3 of amr-3_2026-01-31.csv), folder; "
-        "log: each alone; auto: the first of these that gives a robot several logs (default)",
+        "log: each alone; auto: the first of these that each log has, folders if most have none (default)",
     )
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")

@@ -28,6 +28,7 @@ from ohmward.fleet import (
     Job,
     RobotJob,
     RobotRecord,
+    Robots,
     in_processes,
     on_dask,
     robot_states,
@@ -37,6 +38,7 @@ from ohmward.fleet import (
 from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
 from ohmward.quantities import SECONDS_PER_HOUR
+from ohmward.logs.table import counted
 from ohmward.report import Page
 
 #: Largest numbers of logs of one kind and of robots that the text lists.
@@ -68,16 +70,33 @@ def run(args: argparse.Namespace) -> Outcome:
     robots = robots_of(paths, args.by, job.reading.hints)
     here = partial(in_processes, processes=args.processes or os.cpu_count() or 1)
     executor = partial(on_dask, address=args.dask) if args.dask else here
+    notes += _grouping_notes(robots, args.by)
     if robots.by != ALONE:
-        notes.append(
-            f"info: robots identified by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}"
-        )
-        of_robots = RobotJob(job, robots.logs, str(folder / "batteries"))
+        of_none = {"": list(robots.unreadable)} if robots.unreadable else {}
+        of_robots = RobotJob(job, robots.logs | of_none, str(folder / "batteries"))
         return _of_robots(args.battery, of_robots, folder, executor, notes)
     with progress() as report:
         finished = run_fleet(paths, job, folder, executor, _progress_of(report))
     figures = summary(args.battery, finished.rows, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures), notes, status=status(figures))
+
+
+def _grouping_notes(robots: Robots, by: str | None) -> list[str]:
+    """The way by which the robots were identified, and the logs for which it was another; by: as asked for."""
+    if robots.by == ALONE:
+        why = "" if by == ALONE else ": no column, serial number, name or folder gives a robot several logs; see --by"
+        return [f"info: each log alone{why}"]
+    way = _WAYS.get(robots.by, f"the column {robots.by!r}")
+    notes = [f"info: robots identified by {way}: {len(robots.logs)}"]
+    if robots.otherwise:
+        several = len(robots.otherwise) > 1
+        logs = ", ".join([Path(text).name for text in robots.otherwise[:_MOST_LISTED]])
+        more = len(robots.otherwise) - _MOST_LISTED
+        notes.append(
+            f"warning: {counted(len(robots.otherwise), 'log')} not identified by {way}, but by "
+            f"{'their names' if several else 'its name'}: {logs}" + (f" and {more} more" if more > 0 else "")
+        )
+    return notes
 
 
 def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, notes: list[str]) -> Outcome:
@@ -121,6 +140,7 @@ def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dic
     """
     good = [row for row in logs if not row["error"]]
     bad = [row for row in logs if row["error"]]
+    fitting = [row for row in good if not row.get("misfit")]
     return {
         "command": "fleet",
         "battery": battery,
@@ -129,9 +149,9 @@ def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dic
         "resumed": finished.resumed,
         "samples": sum(row["samples"] for row in good),
         "hours": sum(row["duration_s"] for row in good) / SECONDS_PER_HOUR,
-        "soc_final_min": _most(min, good, "soc_final"),
-        "soh_capacity_min": _most(min, good, "soh_capacity"),
-        "resistance_ratio_max": _most(max, good, "resistance_ratio"),
+        "soc_final_min": _most(min, fitting, "soc_final"),
+        "soh_capacity_min": _most(min, fitting, "soh_capacity"),
+        "resistance_ratio_max": _most(max, fitting, "resistance_ratio"),
         "summary": str(finished.summary),
         "errors": [{"path": row["path"], "error": row["error"]} for row in bad],
         "misfits": [{"path": row["path"], "misfit": row["misfit"]} for row in good if row.get("misfit")],
