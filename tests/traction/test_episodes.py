@@ -11,11 +11,11 @@ from ohmward.traction.terrain.slip_on_floors import FloorEstimate, FloorRun
 TIME = 0.1 * np.arange(100)
 
 
-def track(alarm, slip=0.0, ratio=0.0, stuck=0.0):
+def track(alarm, slip=0.0, ratio=0.0, stuck=0.0, time_s=TIME):
     wheels = np.ones((TIME.size, 2))
     blank = dict.fromkeys(SlipEstimate._fields, np.zeros(TIME.size))
     known = {"slipping": alarm * wheels, "slip_speed_m_s": slip * wheels, "slip_ratio": ratio * wheels}
-    return SlipRun(TIME, SlipEstimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
+    return SlipRun(time_s, SlipEstimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
 
 
 def alarm_of(*stretches):
@@ -40,6 +40,17 @@ def test_each_wheel_has_its_own_in_order_of_time():
 def test_short_pauses_are_bridged():
     found = slip_episodes(track(alarm_of((0, 10, 20), (0, 24, 30), (0, 40, 41))), ["left", "right"])
     assert [(e.start_s, e.end_s) for e in found] == [pytest.approx((1.0, 3.0)), pytest.approx((4.0, 4.1))]
+
+
+def test_alarms_of_single_samples_are_no_episodes():
+    alarm = alarm_of((0, 10, 10), (0, 13, 13), (1, 10, 10), (1, 40, 41))
+    (found,) = slip_episodes(track(alarm), ["left", "right"])
+    assert (found.wheel, found.start_s, found.end_s) == ("right", pytest.approx(4.0), pytest.approx(4.1))
+
+
+def test_consecutive_samples_of_a_slow_log_are_one_episode():
+    (found,) = slip_episodes(track(alarm_of((0, 10, 12)), time_s=10.0 * TIME), ["left", "right"])
+    assert (found.start_s, found.end_s) == (pytest.approx(10.0), pytest.approx(12.0))
 
 
 def test_the_greatest_slip_keeps_its_sign():

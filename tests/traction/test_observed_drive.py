@@ -1,5 +1,7 @@
 """A recorded drive in one call, and its figures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.observed_drive import drive_figures, floor_figures, observe_drive, observe_on_floors
+from ohmward.traction.robot.chassis import TwoWheeled
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.terrain.floor import Floor, Floors
 from traction.odometry.examples import one_side_spins
@@ -73,6 +76,22 @@ def test_without_motor_currents_slip_is_what_wheels_and_gyro_show():
     assert np.mean(np.abs(e.speed_m_s - 0.4) < 1.96 * e.speed_std_m_s) > 0.95
     assert e.slip_speed_m_s[325, 1] == pytest.approx(0.3, abs=0.02)
     assert e.slip_speed_m_s[325, 0] == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("axle_m", [0.05, 0.125])
+def test_without_motor_currents_wheels_and_a_gyro_always_show_the_speed(axle_m):
+    """Wherever the axle is, and although the gyro is later than usual now and then."""
+    robot = replace(RLMA, chassis=TwoWheeled(axle_m, 0.34, (-0.3,)))
+    time_s = np.arange(0.0, 20.0, 0.02)
+    speed_m_s = np.interp(time_s, [2.0, 4.0, 14.0, 16.0], [0.0, 0.8, 0.8, 0.0])
+    wheels = np.full((time_s.size, 3), np.nan)
+    wheels[:, :2] = speed_m_s[:, None] / robot.wheel.radius_m
+    gyro = 0.002 * np.random.default_rng(1).standard_normal(time_s.size)
+    gyro[::97] = np.nan
+    log = DriveLog("no currents", time_s, wheels, np.full((time_s.size, 2), np.nan), yaw_rate_rad_s=gyro)
+    observed = observe_drive(robot, log, hard_terrain("dry asphalt"))
+    assert drive_figures(observed).unobserved_share == 0.0
+    assert observed.track.estimates.unobserved_s.max() == 0.0
 
 
 @pytest.mark.parametrize("current_A", [np.nan, 3.0])

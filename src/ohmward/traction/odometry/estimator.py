@@ -199,7 +199,8 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
     """Estimates (...) of a speed observer without known forces, with speed and slip from wheels and gyro.
 
     Without motor currents any torque is possible to the observer; which wheel slips, and how fast the robot moves,
-    follows from the hypotheses of the odometry (`traction/odometry/modes.py`).
+    follows from the hypotheses of the odometry (`traction/odometry/modes.py`). In each of them some wheel rolls, which
+    shows the speed.
 
     heard: (...) the condition that all driven wheels and the gyro report; elsewhere the estimates are unchanged.
     """
@@ -207,6 +208,7 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
     radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
     rim = radius_m * np.asarray(estimate.wheel_speed_rad_s)
     slips = np.asarray(pose.slip_probability)
+    flags = estimate.flags.astype(int) if isinstance(estimate.flags, np.ndarray) else estimate.flags
     by_pose = {
         "speed_m_s": pose.speed_m_s,
         "speed_std_m_s": np.sqrt(pose.twist_cov[..., 0, 0]),
@@ -218,7 +220,11 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
         "grip": 1.0 - slips,
         "slipping": np.where(slips > 0.5, 1.0, 0.0),
         "immobilised": np.where(np.asarray(pose.stuck_probability) > ALARM, 1.0, 0.0),
+        "unobserved_s": 0.0 * pose.speed_m_s,
+        "flags": flags & ~SlipFlag.SPEED_UNOBSERVED,
     }
+    if not np.any(heard):
+        return estimate
     if np.all(heard):
         return estimate._replace(**by_pose)
     return estimate._replace(
