@@ -37,8 +37,8 @@ from ohmward.fleet import (
 )
 from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
-from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.logs.table import counted
+from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import Page
 
 #: Largest numbers of logs of one kind and of robots that the text lists.
