@@ -65,7 +65,7 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
     return _with_unreadable(found, [text for text in texts if text not in readable], way)
 
 
-class _Label(NamedTuple):
+class _RobotLabel(NamedTuple):
     """Robots in a log by one of its columns."""
 
     column: str
@@ -86,7 +86,7 @@ def _finds(by: str) -> tuple[Find, ...]:
     return (lambda names: next((name for name in names if name.lower() == by.lower()), None),)
 
 
-def _label(file: TableFile, finds: Sequence[Find]) -> _Label | None:
+def _label(file: TableFile, finds: Sequence[Find]) -> _RobotLabel | None:
     """The robots by the first column that names any."""
     for find in finds:
         column = find(file.names)
@@ -95,11 +95,11 @@ def _label(file: TableFile, finds: Sequence[Find]) -> _Label | None:
         except OhmwardError:
             robots = []
         if column is not None and robots:
-            return _Label(column, robots)
+            return _RobotLabel(column, robots)
     return None
 
 
-def _way(readable: Sequence[str], labels: Mapping[str, _Label]) -> str:
+def _way(readable: Sequence[str], labels: Mapping[str, _RobotLabel]) -> str:
     """The way to assign logs without a label, by what most logs have."""
     without = [text for text in readable if text not in labels]
     known = len(labels) + sum(_in_name(text) is not None for text in without)
@@ -108,7 +108,7 @@ def _way(readable: Sequence[str], labels: Mapping[str, _Label]) -> str:
     return FOLDER if len({_of_folder(text) for text in without}) > 1 else ALONE
 
 
-def _assigned(readable: Sequence[str], labels: Mapping[str, _Label], way: str) -> Robots:
+def _assigned(readable: Sequence[str], labels: Mapping[str, _RobotLabel], way: str) -> Robots:
     """Robots of the logs that can be read: by their labels, else by the way, else each alone."""
     robots: dict[str, list[str]] = {}
     found_by: dict[str, str] = {}
