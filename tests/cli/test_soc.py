@@ -9,7 +9,7 @@ from ohmward.battery.file import save_battery
 from ohmward.battery.soc.sample import STD_OF
 from ohmward.battery.soc.score import score
 from ohmward.cli.main import main
-from ohmward.logs import read_log
+from ohmward.logs import read_log, write_log
 
 SOC = ("soc", "day.csv", "--battery", "battery.toml")
 
@@ -170,6 +170,18 @@ def test_options_that_contradict_the_file_or_the_log_are_named(here, as_json):
     agreed = as_json(*idle, "--rest-current", "-0.1", "--initial-soc", str(START_SOC))["notes"]
     assert not [note for note in agreed if note.startswith("warning: --")]
     assert "--rest-current unknown was used" in " ".join(as_json(*idle, "--rest-current", "unknown")["notes"])
+
+
+def test_a_wrong_first_voltage_is_named_and_costs_nothing(here, as_json):
+    log = drive()
+    voltage_V = log.voltage_V.copy()
+    voltage_V[0] = 9.5
+    write_log(replace(log, voltage_V=voltage_V), here / "early.csv")
+    start = ("--battery", "battery.toml", "--initial-soc", str(START_SOC))
+    good, bad = (as_json("soc", name, *start) for name in ("day.csv", "early.csv"))
+    said = [note for note in bad["notes"] if note.startswith("warning:")]
+    assert len(said) == 1 and "V, is not the battery's" in said[0]
+    assert bad["soc_final"] == pytest.approx(good["soc_final"], abs=0.005)
 
 
 def test_the_sentence_and_the_causes_are_in_every_form(here, as_json, capsys):

@@ -18,6 +18,7 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import SocReference, soc_reference
+from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
@@ -100,16 +101,27 @@ class SocTask(NamedTuple):
         return [str(note) for note in self.log.notes] + [*self.warnings, *truth, *battery]
 
     def start_contradicted(self) -> list[str]:
-        """A warning where the first voltage contradicts the initial SoC."""
+        """A warning for first voltages that are not the battery's, and where the next contradicts the initial SoC."""
+        samples = samples_of(self.log)
+        again, _ = wrong_starts(samples, self.battery.thevenin)
+        begin = again[-1] if again else 0
+        wrong = [
+            f"warning: the first voltage, {self.log.voltage_V[0]:.4g} V, is not the battery's: another one follows and "
+            f"lasts; the estimates start again after {self.log.time_s[begin] - self.log.time_s[0]:.3g} s"
+        ]
+        return (wrong if again else []) + self._initial_soc_contradicted(samples, begin)
+
+    def _initial_soc_contradicted(self, samples: SocSample, begin: int) -> list[str]:
+        """A warning where the voltage of the start, in the row `begin`, contradicts the initial SoC."""
         if self.initial_soc is None:
             return []
-        first = SocSample(*(float(column[0]) for column in samples_of(self.log)))
+        first = SocSample(*(float(column[begin]) for column in samples))
         state = make_estimator("ekf", self.battery).init(first, self.initial_soc, self.initial_soc_std)
         start = float(state.belief.mean[SOC])
         if abs(start - self.initial_soc) < 2 * self.initial_soc_std:
             return []
         return [
-            f"warning: --initial-soc {self.initial_soc:g} contradicts the first voltage, {self.log.voltage_V[0]:.4g} "
+            f"warning: --initial-soc {self.initial_soc:g} contradicts the first voltage, {first.voltage_V:.4g} "
             f"V; the Thevenin filters start at {100 * start:.0f} %"
         ]
 
