@@ -34,6 +34,7 @@ from ohmward.traction.odometry.model import (
     APART,
     DELAY,
     HEADING_ZERO,
+    INCREMENT_SCALE,
     NAMES,
     OFFSET,
     SIDE_SLIP,
@@ -344,7 +345,8 @@ def use_increment(
 ) -> PoseCorrection:
     """Correct with a pose increment: its difference from dead reckoning is the error of the twist, over its time.
 
-    The errors of the twist last for `correlation_s`; their change since then is noise.
+    Its scale multiplies the way that it shows, not the turn. The errors of the twist last for `correlation_s`; their
+    change since then is noise.
     """
     if len(trail.dt_s) == 0:
         return body
@@ -364,21 +366,31 @@ def use_increment(
         now = twist(body.belief.mean, u)[axis] * length_s
         usable = used & is_usable(own, INCREMENT_STD)
         y = where(usable, sample.increment[axis] - seen.increment[axis] + now, np.nan)
-        belief, outside = use_motion(body.belief, y, axis, state, length_s, variance, u, gate)
+        scaled = 0.0 if state == TURN_SLIP else seen.increment[axis]
+        belief, outside = use_motion(body.belief, y, axis, state, length_s, variance, u, gate, scaled)
         body, rejected = body._replace(belief=belief), some([rejected, outside])
     return body._replace(increment_rejected=rejected, increment_too_old=measured & logical_not(remembered))
 
 
 def use_motion(
-    belief: Belief, y: Scalar, axis: int, state: int, length_s: Scalar, variance: Scalar, u: MotionInput, gate: float
+    belief: Belief,
+    y: Scalar,
+    axis: int,
+    state: int,
+    length_s: Scalar,
+    variance: Scalar,
+    u: MotionInput,
+    gate: float,
+    scaled: Scalar = 0.0,
 ) -> tuple[Belief, Scalar]:
-    """The belief after y = (component of the twist) length_s + noise, and the condition that it was outside its gate.
+    """The belief after y = (component of the twist) length_s + s scaled + noise, and whether it was outside its gate.
 
     state: slip that is widened then.
+    scaled: part of y that a scale s of pose increments multiplies.
     """
 
     def moved(x: np.ndarray) -> np.ndarray:
-        return twist(x, u)[axis : axis + 1] * length_s
+        return twist(x, u)[axis : axis + 1] * length_s + x[INCREMENT_SCALE] * scaled
 
     nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
     after, accepted = correct_scalar(belief, y, moved, variance, gate)

@@ -12,7 +12,7 @@ pose: with (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for 
 learn that. So k_w contains the errors of the track and of the gyro's scale, and its correction is shared between them.
 Wheels that scrub turn the robot less by all that they show, so k_w multiplies the curvature q from unequal ones too.
 
-A compass measures yaw + h, where h, its heading at yaw 0, is constant.
+A compass measures yaw + h, where h, its heading at yaw 0, is constant. Pose increments show 1 + s of the way.
 
 v_r, l_r, w_r is the motion of the wheels' rims, or of a speed observer; w_g is the gyro's yaw rate. The scales k, k_g,
 k_w, the curvature q from unequal wheels and the offset b are persistent. Slip is correlated over seconds: z is a
@@ -82,6 +82,9 @@ class OdometryNoise:
     heading_std_rad: float = 0.05  #: of a heading without one; a compass away from iron has 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, per root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
+    #: of the length of pose increments: cameras know their baseline to some per cent, and a lidar in a long corridor
+    #: shows too little of the way
+    increment_scale_std: float = 0.03
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -127,12 +130,14 @@ NAMES = (
     "heading_zero_rad",
     "gyro_delay_s",
     "wheels_ahead_s",
+    "increment_scale",
     "turned_apart_rad",
     "slip",
     "side_slip",
     "turn_slip",
 )
-X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO, DELAY, AHEAD, APART = range(len(NAMES) - 3)
+X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO = range(9)
+DELAY, AHEAD, INCREMENT_SCALE, APART = range(9, len(NAMES) - 3)
 SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES) - 3, len(NAMES))
 #: Gauss-Markov states of unit variance.
 CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
@@ -190,6 +195,7 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         HEADING_ZERO: ANY_HEADING_RAD,
         DELAY: noise.gyro_delay_std_s,
         AHEAD: noise.wheels_ahead_std_s,
+        INCREMENT_SCALE: noise.increment_scale_std,
         APART: count_rad,
         SLIP: 1.0,
         SIDE_SLIP: 1.0,
