@@ -20,7 +20,14 @@ from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
 
-FREE = ("encoder_std_rad", "correlation_s", "turn_correlation_s", "speed_std_m_s", "increment_walk")
+FREE = (
+    "encoder_std_rad",
+    "correlation_s",
+    "turn_correlation_s",
+    "speed_correlation_s",
+    "speed_std_m_s",
+    "increment_walk",
+)
 EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 KERNELS: dict[PoseFilter, Kernel] = {}
@@ -180,7 +187,7 @@ def test_speeds_from_outside_show_slip_forward_and_to_the_left():
         settings, wheel_speed_rad_s=rolling(0.5, 0.0, steps), yaw_rate_rad_s=np.zeros(steps),
         speed_m_s=outside, speed_std_m_s=stds, speed_left_m_s=left, speed_left_std_m_s=stds,
     ))  # fmt: skip
-    assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.25, 0.1], atol=0.01)
+    assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.25, 0.1], atol=0.02)
     assert_allclose([e.x_m[-1], e.y_m[-1]], [2.5, 1.0], atol=0.15)
 
 
@@ -263,6 +270,34 @@ def test_increments_that_show_less_than_the_way_spoil_neither_the_pose_nor_its_b
     beside, alone = off_m.mean(axis=0)
     assert beside < alone
     assert nees[:, 0].mean() < mean_bounds(3, 10, 0.9999)[1]
+
+
+@pytest.mark.parametrize("every", [5, 50])
+def test_outside_speeds_whose_errors_last_spoil_neither_the_pose_nor_its_band(every):
+    """Ten robots beside speeds that are 3 % short, with errors of half a minute as large as their noise."""
+    off_m = np.zeros((10, 2))
+    nees = np.zeros(10)
+    slow = replace(NOISE, correlation_s=30.0)
+    for seed in range(10):
+        robot, rng, std = drive(FILTER, seed), np.random.default_rng(seed), 0.03
+        T = len(robot.pose)
+        moved = np.diff(robot.pose, axis=0, prepend=np.zeros((1, 3))) / DT_S
+        yaw = robot.pose[:, 2]
+        speed = moved[:, 0] * np.cos(yaw) + moved[:, 1] * np.sin(yaw)
+        errors = std * (rng.standard_normal(T) + gauss_markov(rng, T, slow))
+        seen = np.where(np.arange(T) % every == 0, 0.97 * speed + errors, math.nan)
+        given = robot.samples._replace(
+            robot=robot.samples.robot._replace(speed_m_s=seen, speed_std_m_s=np.full(T, std))
+        )
+        for k, among in enumerate((given, robot.samples)):
+            e = run(FILTER, among)
+            error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - robot.pose[-1]
+            off_m[seed, k] = np.hypot(*error[:2])
+            if among is given:
+                nees[seed] = error @ np.linalg.solve(e.pose_cov[-1], error)
+    beside, alone = off_m.mean(axis=0)
+    assert beside < 1.1 * alone
+    assert nees.mean() < mean_bounds(3, 10, 0.9999)[1]
 
 
 def integrate_circle(v, w, steps):

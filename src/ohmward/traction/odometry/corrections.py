@@ -39,6 +39,7 @@ from ohmward.traction.odometry.model import (
     OFFSET,
     SIDE_SLIP,
     SLIP,
+    SPEED_ERROR,
     TURN_SCALE,
     TURN_SLIP,
     YAW,
@@ -256,7 +257,8 @@ def use_speeds(
     since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
     variance = outside.std_m_s**2 + since[0]
     y_slides = y - outside.late_m_s
-    belief, rejected = use_forward_speed(body.belief, y, y_slides, variance, slides, overrun_m, u, gate)
+    lasting_m_s = sqrt(outside.std_m_s**2 + (noise.speed_share * outside.speed_m_s) ** 2)
+    belief, rejected = use_forward_speed(body.belief, y, y_slides, variance, lasting_m_s, slides, overrun_m, u, gate)
     belief, left_rejected = use_motion(belief, left_m_s, 1, SIDE_SLIP, 1.0, left_std_m_s**2 + since[1], u, gate)
     return body._replace(belief=belief, speed_rejected=some([rejected, left_rejected]))
 
@@ -266,12 +268,13 @@ def use_forward_speed(
     y: Scalar,
     y_slides: Scalar,
     variance: Scalar,
+    lasting_m_s: Scalar,
     slides: Scalar,
     overrun_m: Scalar,
     u: MotionInput,
     gate: float,
 ) -> tuple[Belief, Scalar]:
-    """The belief after an outside speed y = v + noise, and the condition that it excludes a rolling robot.
+    """The belief after an outside speed y = v + sigma z + noise, and the condition that it excludes a rolling robot.
 
     A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, its slip may
     be anything, and it has not covered the distance by which its pose is ahead of the outside speeds:
@@ -279,10 +282,11 @@ def use_forward_speed(
         x = (1 - p) x_r + p x_s,   P = (1 - p) P_r + p P_s + p (1 - p) (x_s - x_r) (x_s - x_r)'
 
     y_slides: y without the change of the rims since then, which a sliding robot does not make.
+    lasting_m_s: standard deviation sigma of its errors that last.
     """
 
     def forward(x: np.ndarray) -> np.ndarray:
-        return twist(x, u)[:1]
+        return twist(x, u)[:1] + lasting_m_s * x[SPEED_ERROR]
 
     measured = isfinite(y)
     rolling, accepted = correct_scalar(belief, y, forward, variance, gate)

@@ -13,6 +13,8 @@ learn that. So k_w contains the errors of the track and of the gyro's scale, and
 Wheels that scrub turn the robot less by all that they show, so k_w multiplies the curvature q from unequal ones too.
 
 A compass measures yaw + h, where h, its heading at yaw 0, is constant. Pose increments show 1 + s of the way.
+An outside speed has an error that lasts, sigma z as those of the wheels, so that two sources that disagree for long
+share the correction.
 
 v_r, l_r, w_r is the motion of the wheels' rims, or of a speed observer; w_g is the gyro's yaw rate. The scales k, k_g,
 k_w, the curvature q from unequal wheels and the offset b are persistent. Slip is correlated over seconds: z is a
@@ -79,6 +81,9 @@ class OdometryNoise:
     gyro_walk: float = 3e-4
     encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 6e-4 rad for 4096 counts per turn
     speed_std_m_s: float = USUAL_STD_M_S  #: of an outside speed without one, until its errors have shown it
+    #: relative error of an outside speed that lasts, beside one as large as its noise, and its time constant [s], > 0
+    speed_share: float = 0.03
+    speed_correlation_s: float = 30.0
     heading_std_rad: float = 0.05  #: of a heading without one; a compass away from iron has 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, per root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
@@ -91,6 +96,7 @@ class OdometryNoise:
             require_between(f"noise.{field.name}", getattr(self, field.name), 0.0, float("inf"))
         require_positive("noise.correlation_s", self.correlation_s)
         require_positive("noise.turn_correlation_s", self.turn_correlation_s)
+        require_positive("noise.speed_correlation_s", self.speed_correlation_s)
         require_length("noise.increment_walk", self.increment_walk, 3, "forward, left, turn")
 
 
@@ -135,12 +141,13 @@ NAMES = (
     "slip",
     "side_slip",
     "turn_slip",
+    "speed_error",
 )
 X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO = range(9)
-DELAY, AHEAD, INCREMENT_SCALE, APART = range(9, len(NAMES) - 3)
-SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES) - 3, len(NAMES))
+DELAY, AHEAD, INCREMENT_SCALE, APART = range(9, 13)
+SLIP, SIDE_SLIP, TURN_SLIP, SPEED_ERROR = range(13, len(NAMES))
 #: Gauss-Markov states of unit variance.
-CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
+CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP, SPEED_ERROR)
 
 #: Standard deviation [rad] of an unknown heading.
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
@@ -200,6 +207,7 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         SLIP: 1.0,
         SIDE_SLIP: 1.0,
         TURN_SLIP: 1.0,
+        SPEED_ERROR: 1.0,
     }
     cov = np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))])
     cov[TURN_SCALE, TURN_SCALE] += cov[GYRO_SCALE, GYRO_SCALE]
@@ -249,7 +257,7 @@ def yaw_now(x: np.ndarray, u: MotionInput) -> Scalar:
 
 
 def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
-    """Decay factors (3,) of the `CORRELATED` errors over the step.
+    """Decay factors (4,) of the `CORRELATED` errors over the step.
 
     A slip so large that it is another kind of motion, as of a stuck robot, lasts until a sensor shows its end: its
     correlation time grows with its square.
@@ -257,7 +265,8 @@ def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
     sigmas = u.slip_sigmas / GROSS_SLIP
     lasts_s = noise.correlation_s * clip(sigmas * sigmas, 1.0, GROSS_LASTS)
     forward, side = exp(-u.dt_s / lasts_s), exp(-u.dt_s / noise.correlation_s)
-    return np.array([forward, side, exp(-u.dt_s / noise.turn_correlation_s)])
+    turn, speed = (exp(-u.dt_s / lasts_s) for lasts_s in (noise.turn_correlation_s, noise.speed_correlation_s))
+    return np.array([forward, side, turn, speed])
 
 
 def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarray:
