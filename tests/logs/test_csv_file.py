@@ -153,3 +153,10 @@ def test_of_two_voltages_of_one_name_one_is_chosen_by_the_user(write_text):
         read_log(path, current_sign="charge")
     chosen = read_log(path, current_sign="charge", columns={"voltage": "U 2 [V]"})
     np.testing.assert_array_equal(chosen.voltage_V, [24.0, 24.0])
+
+
+def test_a_decimal_after_points_between_thousands_is_refused(write_text):
+    rows = [f"{k};{-1.2 * (k % 9 < 4) or 0:.3f};13.{k % 1000:03d}" for k in range(3000)]
+    text = "\n".join(["time_s;current_mA;voltage_mV", *rows, "3000;0;12.5"]).replace(";0.000", ";0")
+    with pytest.raises(InputError, match=r"log.csv, column 'voltage_mV': the point in '12\.5' stands before decimals"):
+        read_log(write_text(text))

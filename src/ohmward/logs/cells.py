@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.logs.table import MISSING, number
 from ohmward.logs.units import Unit, split_unit, unit_of
 
@@ -31,6 +32,9 @@ _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}
 #: Delimiters of cells that occur in no date and no number.
 _MARKS = re.compile(r"[;|\t]")
 _GROUPS_OF_THREE = re.compile(r"^[-+]?[1-9]\d{0,2}(?:,\d{3})+(?P<fraction>\.\d+)?$")
+_GROUPS_BY_POINTS = re.compile(r"^[-+]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?$")
+#: Fewest of them: of a few numbers all may have three decimals by chance.
+_FEWEST_GROUPED = 20
 _COMMA = re.compile(r"^[-+]?\d*,\d+(?:[eE][-+]?\d+)?$")
 
 
@@ -76,7 +80,7 @@ def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None
     ]
     cells_with = [cell for cells in comma for cell in cells]
     if not cells_with:
-        return Marks()
+        return Marks(thousands="" if delimiter == "," else _points(columns, decimal_comma=False))
     groups = [_GROUPS_OF_THREE.match(cell) for cell in cells_with]
     if all(groups):
         plain = any(
@@ -87,13 +91,31 @@ def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None
         if plain or any(re.fullmatch(r"[-+]?\d{1,3}", _bare(cell)) for cell in beside):
             return Marks(thousands=",")
         return None if delimiter == "," else Marks(decimal_comma=True)
-    return Marks(decimal_comma=True)
+    return Marks(decimal_comma=True, thousands=_points(columns, decimal_comma=True))
+
+
+def _points(columns: Sequence[Sequence[str]], decimal_comma: bool) -> str:
+    """The point, if it separates thousands in numbers like `13.041` and never stands before another number of digits.
+
+    Without a decimal comma it may be that of decimals, of which three would be written for a 0, too.
+    """
+    bare = [[_bare(cell) for cell in cells] for cells in columns]
+    pointed = [[cell for cell in cells if "." in cell] for cells in bare]
+    grouped = [cell for cells in pointed for cell in cells]
+    if len(grouped) < _FEWEST_GROUPED or not all(map(_GROUPS_BY_POINTS.match, grouped)):
+        return ""
+    beside = [cell for cells, found in zip(bare, pointed, strict=True) if found for cell in cells]
+    is_plain = decimal_comma or any(cell.count(".") > 1 or re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in beside)
+    return "." if is_plain else ""
 
 
 def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:
     """The cells (T,) as float64 if each is a number, perhaps with a unit, or missing; else as text (dtype object).
 
     unit: of the column; cells in another unit of the same dimension are converted.
+
+    Raises:
+        InputError: points separate thousands, but not in all cells.
     """
     if not marks.thousands:
         numbers = [cell.replace(",", ".") for cell in cells] if marks.decimal_comma else cells
@@ -127,6 +149,11 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
             return None
     # the number as Python writes it
     text = re.sub(rf"(?<=\d){_BETWEEN}(?=\d{{3}})", "", found["number"])
+    if marks.thousands == "." and "." in text and not _GROUPS_BY_POINTS.match(text):
+        raise InputError(
+            f"the point in {cell!r} stands before decimals, in other numbers between thousands; write the numbers "
+            "without marks between thousands"
+        )
     if marks.thousands:
         text = text.replace(marks.thousands, "")
     if marks.decimal_comma:

@@ -75,7 +75,10 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
         lines.append(line)
         for name in names:
             cells = list(map(itemgetter(layout.names.index(name)), rows))
-            columns[name].append(parse_cells(cells, layout.marks, layout.units.get(name)))
+            try:
+                columns[name].append(parse_cells(cells, layout.marks, layout.units.get(name)))
+            except InputError as error:
+                raise InputError(f"{path.name}, column {name!r}: {error}") from None
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}

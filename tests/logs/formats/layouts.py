@@ -38,6 +38,10 @@ MIXED = rows_of(
     LOG, lambda t, i, u, c, at: (t, f"{1000 * i:.0f} mA" if abs(i) < 4 else f"{i:.1f} A", f"{u:.3f} V", f"{c} °C")
 )
 SWISS = rows_of(LOG, lambda t, i, u, c, at: (t, f"{1000 * i:,.0f}".replace(",", "'"), f"{u:.3f}", c))
+POINTS = rows_of(LOG, lambda t, i, u, c, at: (
+    f"{t:.0f}", *(f"{1000 * x:,.0f}".replace(",", ".") for x in (i, u))))  # fmt: skip
+POINTS_COMMA = [[*row, f"{c:.1f}".replace(".", ",")] for row, (*_, c) in zip(POINTS, LOG.rows(), strict=True)]
+IN_MILLI = ("time_s", "current_mA", "voltage_mV", "temp_degC")
 SPACED = [
     [f"{1000 * float(t):,.0f}".replace(",", "\u00a0"), *(cell.replace(".", ",") for cell in rest)] for t, *rest in PLAIN
 ]
@@ -93,6 +97,8 @@ LAYOUTS = (
     f("thousands, quoted", lines(("time_ms", "current_mA", "voltage_mV", "T_degC"), [
         [f'"{cell}"' for cell in row] for row in MILLI])),
     f("thousands by apostrophe", table(";", ("time_s", "current_mA", "voltage_V", "temp_degC"), SWISS)),
+    f("thousands by point", table(";", IN_MILLI[:3], POINTS))._replace(warm=False),
+    f("thousands by point, decimal comma", table(";", IN_MILLI, POINTS_COMMA)),
     f("thousands by space, decimal comma", table(";", ("time_ms", *NAMES[1:]), SPACED)),
     f("units in the cells, `13.8V`", table(",", BARE, UNITS_IN_CELLS)),
     f("mA and A in one column", table(",", BARE, MIXED)),
