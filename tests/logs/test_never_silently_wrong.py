@@ -1,5 +1,7 @@
 """What cannot be is an error, and nothing is lost without a word."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -146,3 +148,18 @@ def test_one_time_for_all_rows_is_no_clock(write_text):
     rows = [f"5,{-1.0 * (k % 9 < 4)},{13.0 - 0.02 * (k % 9 < 4)}" for k in range(90)]
     with pytest.raises(InputError, match=r"column 'time_s' is 5 in all 90 rows; .*--sample-time 1"):
         read_log(write_text("\n".join(["time_s,current_A,voltage_V", *rows])))
+
+
+@pytest.mark.parametrize(
+    ("scale", "zero", "advice"), [(1.0, 273.15, "kelvins. use --unit temperature=K"), (10.0, 2731.5, "")]
+)
+def test_a_temperature_that_no_battery_has_is_left_out(write_text, scale, zero, advice):
+    rows = [
+        f"{k},{-1.0 * (k % 20 < 10)},{13.0 - 0.02 * (k % 20 < 10)},{zero + scale * (21.0 + 0.01 * k):.1f}"
+        for k in range(90)
+    ]
+    path = write_text("\n".join(["time_s,current_A,voltage_V,temperature", *rows]))
+    log = read_log(path)
+    assert log.temperature_degC is None
+    (note,) = (note.text for note in log.notes if note.level == "warning")
+    assert re.search(f"temperature left out: it reads .*{advice}", note)

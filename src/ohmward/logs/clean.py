@@ -16,7 +16,7 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, counted, held, numbers
 from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
-from ohmward.signals.checks import no_numbers, stuck
+from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import find_gaps, spread, usual_interval_s
 
@@ -167,6 +167,8 @@ def battery_temperature(
         says = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
         measured, notes = None, (Note(text, "warning"),)
+    elif measured is not None and (scale := _wrong_scale(measured)):
+        measured, notes = None, (Note(f"temperature left out: {scale}", "warning"),)
     elif measured is not None:
         measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
         measured, spikes = without_temperature_spikes(measured)
@@ -179,6 +181,16 @@ def battery_temperature(
             Note(f"temperature of {given_degC:g} degC not used: the log has its own", "warning"),
         )
     return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as given"))
+
+
+def _wrong_scale(measured: np.ndarray) -> str:
+    """A finding on temperatures (T,) [degC] of which most are impossible: their unit is another one; else ""."""
+    quantity = QUANTITIES["battery_temperature_degC"]
+    known = measured[np.isfinite(measured)]
+    usual = float(np.median(known)) if known.size else np.nan
+    if not known.size or quantity.limits.lowest <= usual <= quantity.limits.highest:
+        return ""
+    return "; ".join(map(str, beyond_limits(quantity, known.min(), known.max(), quantity.limits, "log", "it ")))
 
 
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
