@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -404,3 +405,22 @@ def test_the_time_of_day_stands_beside_the_date_in_any_language(write_text, name
     log = read_log(write_text(f"{names},Courant (A),Tension (V)\n{rows}"))
     np.testing.assert_array_equal(log.time_s, np.arange(600.0))
     assert log.begin_unix_s == 1_779_372_000.0
+
+
+@pytest.mark.parametrize(
+    ("head", "form", "dated"),
+    [
+        ("hour,min,sec", "%H,%M,%S", False),
+        ("Year,Month,Day,Hour,Minute,Second", "%Y,%m,%d,%H,%M,%S", True),
+        ("yr,mon,day,hr,min,sec", "%y,%m,%d,%H,%M,%S", True),
+    ],
+)
+def test_a_time_in_parts_is_joined(write_text, pulses, head, form, dated):
+    """Over midnight."""
+    time_s, current_A, voltage_V = pulses
+    begin = datetime(2026, 3, 28, 23, 59, tzinfo=UTC)
+    dates = [(begin + timedelta(seconds=float(t))).strftime(form) for t in time_s]
+    rows = [f"{date},{i},{u}" for date, i, u in zip(dates, current_A, voltage_V, strict=True)]
+    log = read_log(write_text("\n".join([f"{head},current_A,voltage_V", *rows])))
+    np.testing.assert_allclose(log.time_s - log.time_s[0], time_s - time_s[0], atol=1e-6)
+    assert log.start_unix_s == (begin.timestamp() if dated else None)

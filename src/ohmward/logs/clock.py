@@ -51,6 +51,12 @@ _RANGES = (2.0**16, 2.0**32, 1e-3 * 2.0**32, 1e-6 * 2.0**32)
 _USUAL_STEP = 0.6
 
 
+#: Names of columns of the parts of a date and of a time of day.
+_DATE_PARTS = (("year", "yr"), ("month", "mon"), ("day",))
+_TIME_PARTS = (("hour", "hours", "hr", "h"), ("minute", "minutes", "min"), ("second", "seconds", "sec"))
+_JOINED = "time of its parts [s]"
+
+
 class Clock(NamedTuple):
     """Seconds of each row."""
 
@@ -60,6 +66,37 @@ class Clock(NamedTuple):
     notes: tuple[Note, ...] = ()
     guessed_unit: bool = False  #: the column names no unit, and is no Unix time
     time_zone: str = "UTC"  #: of a wall clock's dates, "" where they name none and are assumed to be UTC
+
+
+def with_joined_time(file: TableFile) -> TableFile:
+    """The file with the time from columns of hours, minutes and seconds, and of a date, if it has no other time."""
+    lower = {name.strip().lower(): name for name in file.names}
+    date, of_day = (
+        [next((lower[w] for w in words if w in lower), "") for words in part] for part in (_DATE_PARTS, _TIME_PARTS)
+    )
+    others = set(file.names) - {*date, *of_day}
+    if not all(of_day) or file.time or any(_TIME_WORDS & set(letters(name)) for name in others):
+        return file
+    sources = [*date, *of_day] if all(date) else of_day
+
+    def join(table: Table) -> tuple[np.ndarray, Note]:
+        *days, hours, minutes, seconds = (numbers(table, name) for name in sources)
+        time_s = 3600.0 * hours + 60.0 * minutes + seconds
+        if days:
+            time_s += DAY_S * _days(*days)
+        else:
+            time_s = _over_midnight(Column(_JOINED, None), time_s).time_s
+        return time_s, Note(f"time joined from {', '.join(map(repr, sources))}")
+
+    return file.with_column(_JOINED, sources, join)._replace(time=_JOINED)
+
+
+def _days(years: np.ndarray, months: np.ndarray, days: np.ndarray) -> np.ndarray:
+    """Days since 1970 of dates (T,), NaN where a part is missing; years of two digits are of this century."""
+    known = np.isfinite(years + months + days)
+    year, month, day = (np.where(known, part, 1).astype(int) for part in (years, months, days))
+    first = (12 * (np.where(year < 100, year + 2000, year) - 1970) + month - 1).astype("M8[M]").astype("M8[D]")
+    return np.where(known, first.astype(float) + day - 1, np.nan)
 
 
 def nanosecond_column(names: Sequence[str], name: str) -> str | None:

@@ -17,6 +17,7 @@ from ohmward.logs import wheel_columns
 from ohmward.logs.channels import BODY as BODY_CHANNELS
 from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
 from ohmward.logs.clean import finite, gap_notes, on_lines, require_plausible_drive
+from ohmward.logs.clock import with_joined_time
 from ohmward.logs.columns import Column
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
@@ -168,7 +169,7 @@ def read_drive(
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
     mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
-    file = with_sample_time(open_table(source, hints).part("drive", where))
+    file = with_joined_time(with_sample_time(open_table(source, hints).part("drive", where)))
     found = wheel_columns.find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
     measured = dict.fromkeys(column.name for quantity, column in found.columns.items() if quantity != "time")

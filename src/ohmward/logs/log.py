@@ -22,6 +22,7 @@ from ohmward.logs.battery_columns import (
     with_power,
 )
 from ohmward.logs.clean import without_impossible
+from ohmward.logs.clock import with_joined_time
 from ohmward.logs.columns import (
     BDF_NAMES,
     UnclearColumnsError,
@@ -185,7 +186,7 @@ def read_log(
     opened = open_table(source, hints)
     file = opened.part("battery", where)
     file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
-    file = with_sample_time(file)
+    file = with_joined_time(with_sample_time(file))
     require_bdf_columns(file.source, file.names)
     try:
         chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})}, file.head)

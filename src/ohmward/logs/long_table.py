@@ -25,20 +25,8 @@ class LongColumns(NamedTuple):
     holds: bool = False  #: values are written on change only, and hold until the next one
 
 
-_NAMES = (
-    "name",
-    "variable",
-    "metric",
-    "sensor",
-    "field",
-    "signal",
-    "channel",
-    "parameter",
-    "key",
-    "quantity",
-    "tag",
-    "topic",
-)
+_NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag",
+          "topic")  # fmt: skip
 _VALUES = ("value", "val", "reading", "payload")
 _TIMES = ("time", "timestamp", "ts", "date", "datetime")
 
