@@ -162,6 +162,15 @@ def test_a_log_of_battery_and_wheels_is_both(here, as_json):
     assert found["next"][-1] == "ohmward mission both.csv --robot robot.toml --battery battery.toml"
 
 
+def test_the_next_commands_name_the_files_that_were_given(here, as_json):
+    Path("drive.csv").write_text(_drive_text(), encoding="utf-8")
+    save_robot(RLMA, here / "mine.toml")
+    save_battery(generic_battery("nmc", 12.0, 4), here / "pack.toml")
+    assert as_json("doctor", "drive.csv", "--robot", "rlma")["next"] == ["ohmward slip drive.csv --robot rlma"]
+    found = as_json("doctor", "drive.csv", "day.csv", "mine.toml", "pack.toml")["next"]
+    assert found[:2] == ["ohmward slip drive.csv --robot mine.toml", "ohmward soc day.csv --battery pack.toml"]
+
+
 def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):
     Path("counts.csv").write_text("time_s,left_ticks,right_ticks\n0,1,1\n1,2,2\n2,3,3\n", encoding="utf-8")
     said = refused("doctor", "counts.csv")

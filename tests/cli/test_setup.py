@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from cli.test_docs import listed
-from logs.bags.examples import TYPE, payloads, write_mcap
+from logs.bags.examples import TYPE, joint_states, payloads, twists, write_mcap
 from ohmward.cli.main import main
 from ohmward.onboard.recognition import Answers, Offered, recognise
 from ohmward.onboard.robot_setup import SETUP_FILE
@@ -255,6 +255,57 @@ def test_topics_of_a_bag_become_those_of_the_robot(folder, set_up):
     assert source.battery_state == "/rear"
 
 
+JOINTS, TWIST = "sensor_msgs/msg/JointState", "geometry_msgs/msg/TwistWithCovarianceStamped"
+CAR = ["front_left_steer_joint", "front_right_steer_joint", "rear_left_wheel_joint", "rear_right_wheel_joint"]
+
+
+def write_drive(path, joints):
+    """A bag with a battery, joints, and a speed beside them."""
+    still = joint_states(joints, np.zeros((20, len(joints))))
+    topics = {"/bms": (TYPE, payloads(20)), "/joints": (JOINTS, still), "/gnss/vel": (TWIST, twists(np.zeros(20)))}
+    write_mcap(path, topics)
+
+
+def test_the_driven_wheels_of_a_car_are_wired(folder, set_up):
+    write_drive(folder / "car.mcap", CAR)
+    found = set_up("car.mcap", *BATTERY, *SIZES, "--wheels", "2", status=0)
+    assert written_source().joints == {"left": CAR[2], "right": CAR[3]}
+    assert found["unused"] == [*CAR[:2], "/gnss/vel"]
+
+
+def test_a_driven_wheel_that_no_source_sends_is_asked_for(folder, set_up):
+    write_drive(folder / "car.mcap", ["axle_a", "axle_b", "arm"])
+    words = ("car.mcap", *BATTERY, *SIZES, "--wheels", "2")
+    asked = {question["example"]: question["text"] for question in set_up(*words, status=1)["asked"]}
+    assert asked == {
+        f"wheel_speed_rad_s.{side}=NAME": f"no source sends the speed of the wheel '{side}': which one is it?"
+        for side in ("left", "right")
+    }
+    answers = [("--signal", f"wheel_speed_rad_s.{side}={name}") for side, name in (("left", CAR[0]), ("right", CAR[1]))]
+    write_drive(folder / "car.mcap", [*CAR[:2], "arm"])
+    proposed = set_up(*words, status=1)["asked"]
+    assert [(question["option"], question["example"]) for question in proposed] == answers
+    set_up(*words, *(word for answer in answers for word in answer), status=0)
+    assert written_source().joints == {"left": CAR[0], "right": CAR[1]}
+
+
+def test_a_topic_with_a_speed_is_wired_only_where_it_is_named(folder, set_up):
+    write_drive(folder / "car.mcap", CAR)
+    words = ("car.mcap", *BATTERY, *SIZES, "--wheels", "2")
+    assert any("--signal twist=/gnss/vel" in note for note in set_up(*words, status=0)["assumed"])
+    assert written_source().twist == ""
+    found = set_up(*words, "--signal", "twist=/gnss/vel", status=0)
+    assert found["recognised"]["twist"] == written_source().twist == "/gnss/vel"
+    assert "/gnss/vel" not in found["unused"]
+
+
+def test_a_chosen_topic_of_joints_gives_the_joints(folder, set_up):
+    topics = {f"/{name}": (JOINTS, joint_states([f"{name}_left", f"{name}_right"], np.zeros((20, 2)))) for name in "ab"}
+    write_mcap(folder / "two.mcap", topics)
+    set_up("two.mcap", *SIZES, "--signal", "joint_states=/b", "--signal", "wheel_speed_rad_s.left=b_left", status=1)
+    assert written_source().joints["left"] == "b_left"
+
+
 def test_messages_of_a_serial_line_are_heard_and_their_names_asked(set_up):
     ours, theirs = os.openpty()
     send = partial(os.write, ours)
@@ -286,6 +337,7 @@ def test_what_was_there_is_kept_and_said(folder, capsys):
             ["bus.dbc", *BATTERY, "--signal", "battery_current_A=Nothing"],
             "there is no 'Nothing'; there are",
         ),
+        (["bus.dbc", *BATTERY, "--signal", "imu=/x"], "--signal imu=/x: there is no such topic of type sensor_msgs"),
         (["bus.dbc", *BATTERY, "--unit", "current=mV"], "--unit current=mV: no unit of the current"),
     ],
 )

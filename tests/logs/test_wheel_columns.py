@@ -7,6 +7,7 @@ from ohmward.logs.wheel_columns import Wheels, find_drive_columns
 
 FRONT = Wheels(("front_left", "front_right", "rear_left", "rear_right"), 2)
 ALL = Wheels(FRONT.places, 4)
+TWO = Wheels(("left", "right", "caster_1"), 2)
 OMNI = Wheels(("wheel_1", "wheel_2", "wheel_3"), 3)
 
 
@@ -58,6 +59,13 @@ def test_every_wheel_has_its_column(names):
 def test_a_pair_serves_the_driven_wheels_of_its_side(left, right):
     assert speeds([left, right]) == [left, right, left, right]
     assert speeds([left, right], FRONT) == [left, right, None, None]
+
+
+def test_the_wheels_of_the_only_axle_with_speeds_are_those_of_a_robot_with_one_axle():
+    names = ["front_left_steer_joint velocity [rad/s]", "front_right_steer_joint velocity [rad/s]", "v_rl", "v_rr"]
+    assert speeds(names, TWO) == ["v_rl", "v_rr", None]
+    with pytest.raises(InputError, match="both 'v_fl' and 'v_rl' may be the left_wheel_speed"):
+        speeds(["v_fl", "v_fr", "v_rl", "v_rr"], TWO)
 
 
 def test_an_exact_name_is_better_than_a_side():

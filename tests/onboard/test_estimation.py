@@ -120,6 +120,17 @@ def test_a_sample_of_the_drive_is_estimated_at_once():
     assert last(states).pose.x_m == pytest.approx(last(states).pose.distance_m)
 
 
+def test_without_a_wheel_there_is_no_speed():
+    """An inertial unit reports from the start, a wheel from 1 s on."""
+    estimation = Estimation(robot=RLMA)
+    for k in range(100):
+        wheels = {f"wheel_speed_rad_s.{place}": 2.0 for place in PLACES} if k >= 50 else {}
+        for state in estimation.put(0.02 * k, {"yaw_rate_rad_s": 0.01, "wheel_speed_rad_s.axle": 2.0} | wheels):
+            assert (state.slip is None) == (state.pose is None) == (state.drive_time_s < 0.999)
+            assert state.is_silent("drive") == (state.slip is None)
+    assert state.slip is not None
+
+
 def test_without_motor_currents_the_pose_is_that_of_wheels_and_gyro():
     estimation, alone = Estimation(robot=RLMA), Odometry(RLMA)
     for k in range(200):

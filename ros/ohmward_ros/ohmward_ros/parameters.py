@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 #: Values of these are topics.
-IN = ("battery_state_in", "joint_states", "imu", "odometry_in")
+IN = ("battery_state_in", "joint_states", "imu", "odometry_in", "twist_in")
 OUT = ("battery_state", "odometry", "twist", "diagnostics")
 
 PARAMETERS: dict[str, tuple[Any, str]] = {
@@ -20,6 +20,7 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     "joint_states": ("joint_states", "topic in, sensor_msgs/JointState: velocities of the wheels; empty: none"),
     "imu": ("imu/data", "topic in, sensor_msgs/Imu; empty: none"),
     "odometry_in": ("", "topic in, nav_msgs/Odometry of cameras, lidar or GNSS, never of wheels; empty: none"),
+    "twist_in": ("", "topic in, geometry_msgs/TwistWithCovarianceStamped of the same, x along the robot; empty: none"),
     "joints": ([""], "wheel=joint, where front_left_wheel_joint is not the wheel front_left"),
     "imu_rpy": ([0.0, 0.0, 0.0], "roll, pitch and yaw of the inertial unit in base_frame [rad]"),
     "battery_state": ("battery_state", "topic out, sensor_msgs/BatteryState; empty: none"),

@@ -36,6 +36,7 @@ def setup_of(parameters: Mapping[str, Any], node: str = "ohmward", namespace: st
         joint_states=p["joint_states"],
         imu=p["imu"],
         odometry=p["odometry_in"],
+        twist=p["twist_in"],
         joints=dict(map(_joint, filter(None, p["joints"]))),
         imu_rpy=tuple(p["imu_rpy"]),
         live=live,

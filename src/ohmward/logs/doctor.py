@@ -224,7 +224,8 @@ def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
         yield Finding(
             "warning",
             "neither motor currents nor a speed from outside",
-            "a wheel that slips looks like one that rolls; log the motors' currents, or GNSS or visual speed",
+            "a wheel that slips looks like one that rolls; log the motors' currents, or a speed from GNSS or cameras; "
+            "one in the log is read if its column or topic is named",
         )
     if "yaw_rate_rad_s" not in s.body:
         yield Finding("info", "no gyro", "the heading then follows from the wheels, and drifts; log the yaw rate")

@@ -166,11 +166,17 @@ def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Whe
 
 
 def _by_corner(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> list[Column]:
-    """The columns of the corner of a wheel, or else of the side of a driven one."""
+    """The columns of the corner of a wheel, or else of the side of a driven one.
+
+    A column of a side serves every driven wheel of it; a robot whose wheels are sides has one axle, whose columns may
+    name it: `rear_left`.
+    """
     corner = set(place.split("_"))
     exact = [c.column for c in candidates if c.corner and c.corner == corner]
     if exact or place not in wheels.driven_places:
         return exact
+    if corner <= SIDES:
+        return [c.column for c in candidates if c.corner & SIDES == corner]
     return [c.column for c in candidates if c.corner and c.corner == corner & SIDES]
 
 

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
@@ -24,6 +26,7 @@ from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
+from ohmward.onboard.evidence import EVIDENCE
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS
@@ -289,17 +292,19 @@ class Estimation:
 
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
+        measured = {**self._signals(sample), **self._taken_beside("drive")}
+        self._measured |= {name for name, value in sample.items() if np.isfinite(value).any()}
+        if not self._measured & EVIDENCE["drive"]:
+            return self._after(sample["time_s"], measured, drive_time_s=sample["time_s"])
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name not in NOT_OF_ODOMETRY}
         pose = self.odometry.update(**seen, observed=slip)
         self.totals = self.totals.after_drive(self._distance_m, float(pose.distance_m))
         self._distance_m = float(pose.distance_m)
-        self._measured |= sample.keys()
         robot = self.odometry.settings.robot
         heard = not int(slip.flags) & SlipFlag.NO_ENCODER and not int(pose.flags) & OdometryFlag.NO_GYRO
         if by_wheels_and_gyro(robot, self._measured) and not force_known(robot, slip):
             slip = with_slip_of(robot, slip, pose, heard)
-        measured = {**self._signals(sample), **self._taken_beside("drive")}
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
 
     def _taken_beside(self, group: str) -> dict[str, float]:

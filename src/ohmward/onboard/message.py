@@ -12,7 +12,7 @@ import json
 import math
 import threading
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -286,6 +286,13 @@ def wheel_number(signal: str, places: Sequence[str]) -> int | None:
     if part in places:
         return places.index(part)
     return int(part) if part.isdecimal() and int(part) < len(places) else None
+
+
+def unmeasured_wheels(signals: Iterable[str], robot: Robot) -> list[str]:
+    """Names of the driven wheels of which none of the signals gives the speed or the counts."""
+    places = [place.name for place in robot.places]
+    measured = {wheel_number(s, places) for s in signals if s.startswith(("wheel_speed", "wheel_counts"))}
+    return [place for k, place in enumerate(places[: robot.driven]) if k not in measured]
 
 
 def no_such_part(signal: str, robot: Robot | None) -> str:

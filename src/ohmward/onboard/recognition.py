@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ from ohmward.logs.channels import (
 from ohmward.logs.columns import Column, UnclearColumnsError, find_column, listed
 from ohmward.logs.units import UNITS, Unit, unit_of
 from ohmward.logs.wheel_columns import POSITIONS, Found, Wheels, find_wheels, wheel_places
-from ohmward.onboard.message import ScaledSignal
+from ohmward.onboard.message import ScaledSignal, unmeasured_wheels
 from ohmward.quantities import QUANTITIES, limits_of, quantity_of
 from ohmward.signals.current_sign import SignEvidence, sign_evidence
 from ohmward.traction.robot.robot import Robot
@@ -119,6 +119,21 @@ def recognise(offered: Sequence[Offered], robot: Robot | None, answers: Answers)
     return RecognisedSignals(signals, tuple(found.questions), tuple(found.notes), unused)
 
 
+def ask_wheels(robot: Robot, signals: Collection[str], others: Sequence[Offered]) -> list[Question]:
+    """A question for each driven wheel of which no source sends the speed or the counts.
+
+    signals: those wired so far.  others: numbers that are not.
+    """
+    questions = []
+    for place in unmeasured_wheels(signals, robot):
+        near = [one.name for one in others if set(place.split("_")) <= set(robot_words(one.long))]
+        which = f"is it {near[0]!r}" if len(near) == 1 else f"which one is it{', ' * bool(near)}{listed(near)}"
+        text = f"no source sends the speed of the wheel {place!r}: {which}?"
+        example = near[0] if len(near) == 1 else "NAME"
+        questions.append(Question(text, "--signal", f"wheel_speed_rad_s.{place}={example}"))
+    return questions
+
+
 def _order(signal: str) -> tuple[int, str]:
     """Sort key of a signal in a setup: order of the table of quantities, then name or number of the part."""
     name, _, part = signal.partition(".")
@@ -144,6 +159,8 @@ class _Finder:
                 find(self._texts(long))
         found = {quantity_of(signal).channel for signal in self.matches}
         of_battery = any(quantity_of(signal).group == "battery" for signal in self.matches)
+        if self.robot:
+            self._unclear.pop(WHEEL_SPEED.name, None)  # `ask_wheels` asks, for each wheel
         for channel, error in self._unclear.items():
             is_missing = error.faults[next(iter(error.faults))].startswith("no column")
             if channel not in found and (of_battery or not is_missing):

@@ -20,7 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.message import Message, no_such_part, wheel_number
+from ohmward.onboard.message import Message, no_such_part, unmeasured_wheels, wheel_number
 from ohmward.onboard.part import ActingSink, is_live, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
@@ -137,16 +137,11 @@ def _needed(
     if battery and "battery_voltage_V" not in wired and not cells:
         yield Diagnostic("battery_voltage_V", Level.ERROR, "no source sends it; the charge needs it")
     if robot:
-        places = [place.name for place in robot.places]
-        measured = {
-            wheel_number(signal, places) for signal in wired if signal.startswith(("wheel_speed", "wheel_counts"))
-        }
-        for place in places[: robot.driven]:
-            if places.index(place) not in measured:
-                signal = f"wheel_speed_rad_s.{place}"
-                yield Diagnostic(
-                    signal, Level.ERROR, "no source sends it; the wheel is driven and its slip unknown without"
-                )
+        for place in unmeasured_wheels(wired, robot):
+            signal = f"wheel_speed_rad_s.{place}"
+            yield Diagnostic(
+                signal, Level.ERROR, "no source sends it; the wheel is driven and its slip unknown without"
+            )
 
 
 def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[Diagnostic]:

@@ -57,6 +57,29 @@ def payloads(n: int = N, ros1: bool = False, cells: int = 4) -> list[bytes]:
     ]  # fmt: skip
 
 
+def joint_states(names: list[str], speeds: np.ndarray) -> list[bytes]:
+    """Messages of joints with these speeds (n, joints)."""
+    found, type_ = store(), "sensor_msgs/msg/JointState"
+    message, empty = found.types[type_], np.array([])
+    return [
+        bytes(found.serialize_cdr(message(header(found.types, k), names, k * row, row, empty), type_))
+        for k, row in enumerate(speeds)
+    ]
+
+
+def twists(speeds: np.ndarray) -> list[bytes]:
+    """Messages `TwistWithCovarianceStamped` of a sensor with these forward speeds (n,) and a std of 0.05 m/s."""
+    found, type_ = store(), "geometry_msgs/msg/TwistWithCovarianceStamped"
+    types = found.types
+    vector, covariance = types["geometry_msgs/msg/Vector3"], np.diag([0.05**2] * 6).ravel()
+    messages = []
+    for k, speed in enumerate(speeds):
+        twist = types["geometry_msgs/msg/Twist"](vector(float(speed), 0.0, 0.0), vector(0.0, 0.0, 0.0))
+        known = types["geometry_msgs/msg/TwistWithCovariance"](twist, covariance)
+        messages.append(bytes(found.serialize_cdr(types[type_](header(types, k), known), type_)))
+    return messages
+
+
 def write_mcap(path: Path, topics: dict[str, tuple[str, list[bytes]]], compression: str = "ZSTD", chunk: int = 16384):
     """An MCAP file of topics: name -> type and messages, one every 0.1 s."""
     writing = pytest.importorskip("mcap.writer")

@@ -10,9 +10,23 @@ from ohmward.errors import InputError
 from ohmward.logs import read_drive, read_log
 from ohmward.logs.read import open_table
 
-from .examples import FORMATS, START_NS, STEP_NS, TYPE, N, header, payloads, store, truth, write_mcap
+from .examples import (
+    FORMATS,
+    START_NS,
+    STEP_NS,
+    TYPE,
+    N,
+    header,
+    joint_states,
+    payloads,
+    store,
+    truth,
+    twists,
+    write_mcap,
+)
 
 FLOAT, JOINTS = "std_msgs/msg/Float64", "sensor_msgs/msg/JointState"
+TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -57,16 +71,12 @@ def test_topics_of_other_types_are_read_where_they_are_named(tmp_path):
 
 def test_a_drive_is_read_by_the_names_of_its_joints(tmp_path):
     found, n = store(), 300
-    joints, imu = found.types[JOINTS], found.types["sensor_msgs/msg/Imu"]
+    imu = found.types["sensor_msgs/msg/Imu"]
     still = found.types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
     vector = found.types["geometry_msgs/msg/Vector3"]
     speeds = np.column_stack([np.linspace(0.0, 5.0, n), np.linspace(0.0, 6.0, n)])
     names = ["left_wheel_joint", "right_wheel_joint"]
-    empty = np.array([])
-    wheels = [
-        found.serialize_cdr(joints(header(found.types, k), names, speeds[k] * k, speeds[k], empty), JOINTS)
-        for k in range(n)
-    ]
+    wheels = joint_states(names, speeds)
     body = [
         found.serialize_cdr(
             imu(
@@ -84,6 +94,20 @@ def test_a_drive_is_read_by_the_names_of_its_joints(tmp_path):
     np.testing.assert_array_equal(log.wheel_speed_rad_s, speeds)
     np.testing.assert_array_equal(log.yaw_rate_rad_s, 0.3)
     np.testing.assert_array_equal(log.acceleration_m_s2, 0.1)
+
+
+def test_a_topic_with_a_speed_is_named_until_it_is_read(tmp_path):
+    speeds = np.linspace(0.0, 1.0, 100)
+    wheels = joint_states(["left_wheel_joint", "right_wheel_joint"], np.column_stack([speeds, speeds]))
+    write_mcap(tmp_path / "drive.mcap", {"/joints": (JOINTS, wheels), "/gnss": (TWIST, twists(speeds))})
+    without = read_drive(tmp_path / "drive.mcap", ("left", "right"), 2)
+    assert without.speed_m_s is None
+    assert [note.text for note in without.notes if "/gnss" in note.text] == [
+        f"not read: /gnss ({TWIST}); add a forward speed that is not from the wheels with --topic NAME"
+    ]
+    log = read_drive(tmp_path / "drive.mcap", ("left", "right"), 2, where={"topic": "/gnss"})
+    np.testing.assert_array_equal(log.speed_m_s, speeds)
+    assert not any(note.text.startswith("not read") for note in log.notes)
 
 
 def test_frames_and_cells_of_changing_length_do_not_shift_the_numbers(tmp_path):

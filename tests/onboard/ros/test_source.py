@@ -78,3 +78,17 @@ def test_a_unit_that_is_mounted_turned_shows_the_motion_of_the_robot(imu_rpy):
     assert found["acceleration_m_s2"] == pytest.approx(mounted.apply(in_unit)[0])
     assert found["yaw_rate_rad_s"] == pytest.approx(mounted.apply(in_unit)[2])
     assert found["pitch_rad"] == pytest.approx(UP_RAD)
+
+
+@pytest.mark.parametrize(("variance", "std"), [(0.0025, {"speed_std_m_s": 0.05}), (0.0, {})])
+def test_a_twist_is_a_speed_with_its_standard_deviation_if_given(variance, std):
+    covariance = [variance] + [0.0] * 35
+    vector, still = {"x": 0.7, "y": 0.1, "z": 0.0}, {"x": 0.0, "y": 0.0, "z": 0.0}
+    message = {
+        "header": {"stamp": {"sec": 5, "nanosec": 0}, "frame_id": "base_link"},
+        "twist": {"twist": {"linear": vector, "angular": still}, "covariance": covariance},
+    }
+    source = Ros2Source(twist="/gnss/vel")
+    found = source.message(types.TWIST, serialize(types.TWIST, message), 1.0)
+    assert found is not None and found.values == pytest.approx({"speed_m_s": 0.7} | std)
+    assert source.topics()["twist"] == "/gnss/vel"

@@ -57,6 +57,14 @@ READING = "half width of the 95 % band in points, start known / start unknown"
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
 
 
+class GivenFiles(NamedTuple):
+    """How to read drives, and the files that the next commands name."""
+
+    drives: DriveOptions
+    robot: str
+    battery: str
+
+
 class Part(NamedTuple):
     """Findings on a file as the log of a battery, as the log of a drive, or as a TOML file."""
 
@@ -77,8 +85,13 @@ _KINDS = ("logs", "drives", "batteries", "robots", "setups")
 def run(args: argparse.Namespace) -> Outcome:
     """Examine each file; the exit status is 1 if a log has an error."""
     kinds = {path: kind_of(path) for path in args.files}
-    options = drive_options(args, load_robot(args.robot) if args.robot else None)
-    found = [part for path, kind in kinds.items() for part in _EXAMINED[kind](path, options)]
+    first = {kind: path for path, kind in reversed(kinds.items())}
+    given = GivenFiles(
+        drive_options(args, load_robot(args.robot) if args.robot else None),
+        args.robot or first.get(ROBOT_FILE.noun, "robot.toml"),
+        first.get(BATTERY_FILE.noun, "battery.toml"),
+    )
+    found = [part for path, kind in kinds.items() for part in _EXAMINED[kind](path, given)]
     parts = sorted(found, key=lambda part: _KINDS.index(part.kind))
     following = list(dict.fromkeys(command for part in found for command in part.next_commands))
     return Outcome(
@@ -112,12 +125,13 @@ def kind_of(path: str) -> str:
     return next((kind.noun for kind in kinds if f'"{kind.format.partition("/")[0]}/' in head), BATTERY_FILE.noun)
 
 
-def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
+def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
     """Battery and drive in a log, whichever it has.
 
     Raises:
         InputError: it has neither; the message names what is missing for a battery, or for a drive with wheels alone.
     """
+    options = given.drives
     reading = options.reading
     file = open_table(split_selection(path)[0], reading.hints)
     places = _places(file, options.robot)
@@ -143,14 +157,15 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
         activity = found.survey.activity
         is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
         commands = [f"ohmward identify {path} --capacity-ah AH --chemistry nmc -o battery.toml"] if is_test else []
-        commands.append(f"ohmward soc {path} --battery battery.toml")
+        commands.append(f"ohmward soc {path} --battery {given.battery}")
         yield _examined(
             "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
         )
     if drive is not None:
         of_drive = examine_drive(drive, places)
-        commands = [f"ohmward slip {path} --robot robot.toml"]
-        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log is not None else []
+        commands = [f"ohmward slip {path} --robot {given.robot}"]
+        if log is not None:
+            commands.append(f"ohmward mission {path} --robot {given.robot} --battery {given.battery}")
         name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
         yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
 
@@ -223,7 +238,7 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
     return True
 
 
-def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
+def examine_robot(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a robot file."""
     robot = load_robot(path)
     rows = robot_rows(robot)
@@ -232,7 +247,7 @@ def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
     yield Part("robots", robot.name, text, summary, [f"ohmward slip LOG --robot {path}"])
 
 
-def examine_setup(path: str, _: DriveOptions) -> Iterator[Part]:
+def examine_setup(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a setup."""
     rows = setup_rows(SETUP_FILE.load(path))
     text = paragraphs(f"{path}: setup of a robot", wording.fields(rows))
@@ -295,7 +310,7 @@ def _range(signal: Signal) -> str:
     return f"{signal.minimum:.5g} to {signal.maximum:.5g}"
 
 
-def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
+def examine_battery(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a battery file, with the SoC bands of the present file and of one after each worthwhile test."""
     battery = load_battery(path)
     bands = forecast(battery)
@@ -426,7 +441,7 @@ def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
 
 
 #: Function that examines each kind of file.
-_EXAMINED: dict[str, Callable[[str, DriveOptions], Iterator[Part]]] = {
+_EXAMINED: dict[str, Callable[[str, GivenFiles], Iterator[Part]]] = {
     _LOG: examine_log,
     BATTERY_FILE.noun: examine_battery,
     ROBOT_FILE.noun: examine_robot,

@@ -33,10 +33,9 @@ from ohmward.onboard.discovery import (
 )
 from ohmward.onboard.message import ScaledSignal, signal_line
 from ohmward.onboard.mqtt_broker import MqttBroker
-from ohmward.onboard.recognition import Answers, Offered, Question, recognise
+from ohmward.onboard.recognition import Answers, Offered, Question, ask_wheels, recognise
 from ohmward.onboard.robot_setup import SETUP_FILE
-from ohmward.onboard.ros import types
-from ohmward.onboard.sources.ros2 import wheel_of
+from ohmward.onboard.sources.ros2 import TOPICS, wheel_of
 from ohmward.quantities import QUANTITIES
 from ohmward.toml_file import noun_of
 from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
@@ -47,8 +46,9 @@ _RECORDINGS = (".mcap", ".db3", ".bag")
 _BUS = re.compile(r"(?P<interface>[a-z]\w*):(?P<channel>[^/].*)|(?P<link>v?can\d+)")
 _PORT = re.compile(r"/dev/\S+|COM\d+|socket://\S+")
 
-#: ROS topics by the key of the source; odometry is left out, since that of the wheels themselves adds nothing new.
-_TOPICS = {"battery_state": types.BATTERY_STATE, "joint_states": types.JOINT_STATE, "imu": types.IMU}
+#: Settings of the ROS source whose topics are found by their type. Others give a speed, which may be that of the wheels
+#: themselves, or one to the east: they are wired only if named.
+_BY_TYPE = ("battery_state", "joint_states", "imu")
 
 
 class Offer(NamedTuple):
@@ -112,7 +112,7 @@ def _look(source: str, args: argparse.Namespace) -> Offer:
     if suffix in _DATABASES:
         return _can(CanPort(channel=args.channel or "can0"), source, of_database(CanDatabase(source)))
     if suffix in _RECORDINGS or Path(source).is_dir():
-        return _recording(topics_of_bag(source))
+        return _recording(topics_of_bag(source), {})
     if suffix in _CAN_LOGS and Path(source).exists():
         log = of_can_log(source, CanDatabase(_database(source, args)))
         return _can(CanPort(channel=args.channel or "can0"), args.dbc, log)
@@ -164,30 +164,35 @@ def _line(source: str, args: argparse.Namespace) -> Offer:
     return Offer("serial", settings, [Offered(name, name) for name in names if name], (), tuple(questions))
 
 
-def _recording(topics: Sequence[BagTopic]) -> Offer:
-    """Topics of a ROS recording, which the robot has too; where several have one type, a question asks which."""
+def _recording(topics: Sequence[BagTopic], chosen: Mapping[str, str]) -> Offer:
+    """Topics of a ROS recording, which the robot has too; where several have one type, a question asks which.
+
+    chosen: topics by the setting of the source, where the user names them.
+    """
     settings: dict[str, Any] = {}
     questions, joints = [], []
-    for key, type_ in _TOPICS.items():
-        of_type = [topic for topic in topics if topic.type == type_]
+    for key, type_ in TOPICS.items():
+        of_type = [topic for topic in topics if topic.type == type_ and chosen.get(key, topic.name) == topic.name]
+        if not of_type or key not in (*_BY_TYPE, *chosen):
+            continue
         if len(of_type) > 1:
             names = ", ".join(topic.name for topic in of_type)
             questions.append(
                 Question(f"{names} are all {type_}: which one is it?", "--signal", f"{key}={of_type[0].name}")
             )
-        if of_type:
-            settings[key] = of_type[0].name
-            joints += list(of_type[0].joints)
+        settings[key] = of_type[0].name
+        joints += list(of_type[0].joints)
     offered = [Offered(joint, f"{joint} velocity", "rad/s") for joint in joints]
     return Offer("ros2", settings, offered, tuple(topics), tuple(questions))
 
 
 def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
     """Signals of the sources, files of battery and robot, and the open questions."""
-    of_ros = dict(pair for pair in args.signal if pair[0] in _TOPICS)
-    signals = {signal: name for signal, name in args.signal if signal not in _TOPICS}
+    of_ros = dict(pair for pair in args.signal if pair[0] in TOPICS)
+    signals = {signal: name for signal, name in args.signal if signal not in TOPICS}
     answers = Answers(signals, dict(args.unit), args.current_sign, args.shaft, args.counts_per_turn)
-    offers = [_with_topics(offer, of_ros) for offer in offers]
+    _check_topics(of_ros, [topic for offer in offers for topic in offer.topics])
+    offers = [_recording(offer.topics, of_ros) if offer.kind == "ros2" else offer for offer in offers]
     first = [recognise(offer.offered, None, _of(answers, offer, len(offers) == 1)) for offer in offers]
     sent = [s for offer, found in zip(offers, first, strict=True) for s in _named(offer, found.signals)]
     battery = _battery(args, [signal for signal in sent if signal.startswith(("battery", "cell"))])
@@ -196,7 +201,8 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
     questions = [*battery.questions, *robot.questions, *(question for offer in offers for question in offer.questions)]
     sources: list[tuple[Offer, Mapping[str, ScaledSignal]]] = []
     notes: list[str] = []
-    unused: list[str] = []
+    others: list[Offered] = []
+    wired: list[str] = []
     for offer in offers:
         found = recognise(offer.offered, of_robot, _of(answers, offer, len(offers) == 1))
         settings = offer.settings
@@ -205,11 +211,31 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
             joints = joints if any(wheel_of(joint) != wheel for wheel, joint in joints.items()) else {}
             offer = offer._replace(settings=settings | ({"joints": joints} if joints else {}))
         sources.append((offer, {} if offer.kind == "ros2" else found.signals))
+        wired += _named(offer, found.signals)
+        others += [one for one in offer.offered if one.name in found.unused]
         questions += found.questions
-        notes += found.notes
-        unused += found.unused
+        notes += [*found.notes, *_speed_notes(offer)]
+    if of_robot and not any(question.option == "--message" for question in questions):
+        questions += ask_wheels(of_robot, wired, others)
+    unused = [*(one.name for one in others), *(name for offer in offers for name in _unused_topics(offer))]
     made = {str(file.path): file.text for file in (battery, robot) if file.text}
     return SetupPlan(args, sources, battery.path, robot.path, made, questions, notes, unused)
+
+
+def _unused_topics(offer: Offer) -> dict[str, str]:
+    """Topics of a ROS recording that are not wired -> their types."""
+    return {topic.name: topic.type for topic in offer.topics if topic.name not in offer.settings.values()}
+
+
+def _speed_notes(offer: Offer) -> list[str]:
+    """Notes on topics with a speed, which are wired only if named."""
+    keys = {type_: key for key, type_ in TOPICS.items() if key not in _BY_TYPE}
+    return [
+        f"{name} is not used, since it may be odometry of the wheels, or a velocity to the east; if it is the forward "
+        f"speed from GNSS, lidar or cameras, add --signal {keys[type_]}={name}"
+        for name, type_ in _unused_topics(offer).items()
+        if type_ in keys
+    ]
 
 
 def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
@@ -218,11 +244,14 @@ def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
     return answers._replace(signals={s: name for s, name in answers.signals.items() if alone or name in names})
 
 
-def _with_topics(offer: Offer, chosen: Mapping[str, str]) -> Offer:
-    if offer.kind != "ros2":
-        return offer
-    left = tuple(q for q in offer.questions if q.example.partition("=")[0] not in chosen)
-    return offer._replace(settings=offer.settings | dict(chosen), questions=left)
+def _check_topics(chosen: Mapping[str, str], topics: Sequence[BagTopic]) -> None:
+    """Raise InputError for a topic that no recording has, or that is of another type than its setting takes."""
+    for key, name in chosen.items():
+        if not any(topic.name == name and topic.type == TOPICS[key] for topic in topics):
+            listing = ", ".join(f"{topic.name} ({topic.type})" for topic in topics) or "none"
+            raise InputError(
+                f"--signal {key}={name}: there is no such topic of type {TOPICS[key]}; there are: {listing}"
+            )
 
 
 def _named(offer: Offer, signals: Mapping[str, ScaledSignal]) -> list[str]:
@@ -350,7 +379,7 @@ def _found(plan: SetupPlan) -> dict[str, str]:
     found = plan.wired
     for offer, _ in plan.sources:
         settings = offer.settings
-        found |= {key: settings[key] for key in _TOPICS if key in settings}
+        found |= {key: settings[key] for key in TOPICS if key in settings}
         found |= {f"wheel {wheel}": joint for wheel, joint in settings.get("joints", {}).items()}
         found |= {f"topic {topic}": "names of its own" for topic in settings.get("topics", ())}
         found |= {n: f"message {k}" for k, names in settings.get("messages", {}).items() for n in names if n}

@@ -279,22 +279,36 @@ def open_bag(path: Path) -> TableFile:
     return _table_file(recording, path.name, readable, known)
 
 
-def _table_file(recording: Recording, source: str, first: Mapping[str, Recorded], chosen: list[str]) -> TableFile:
-    """The columns of some topics; first: the first message of each that can be chosen."""
+def _table_file(
+    recording: Recording, source: str, first: Mapping[str, Recorded], chosen: list[str], notes: tuple[Note, ...] = ()
+) -> TableFile:
+    """The columns of some topics; first: the first message of each that can be chosen; notes: about the choice."""
     topics = [first[name].topic for name in chosen]
     of_topic = {topic.name: _columns(recording.source, first[topic.name]) for topic in topics}
     known = dict.fromkeys([TIME, *(name for columns in of_topic.values() for name in columns)])
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         with_any = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
-        return _load(recording, source, with_any, names)
+        return _load(recording, source, with_any, names, notes)
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
         types = {name: message.topic.type for name, message in first.items()}
-        return _table_file(recording, source, first, choose_topics(source, kind, where, types, KNOWN))
+        of_part = choose_topics(source, kind, where, types, KNOWN)
+        return _table_file(recording, source, first, of_part, _unread(kind, types, of_part))
 
     battery = any(topic.type == "sensor_msgs/msg/BatteryState" for topic in topics)
     return TableFile(source, tuple(known), load, TIME, part, "charge" if battery else None)
+
+
+def _unread(kind: str, types: Mapping[str, str], chosen: Collection[str]) -> tuple[Note, ...]:
+    """A note on the topics that would be read for the "battery" or the "drive" if they were named; none without any.
+
+    types: topic -> type.
+    """
+    by_name = {type_ for type_, known in KNOWN.items() if known.by_name_only and known.part == kind}
+    unread = [f"{name} ({type_})" for name, type_ in types.items() if type_ in by_name and name not in chosen]
+    text = f"not read: {', '.join(unread)}; add a forward speed that is not from the wheels with --topic NAME"
+    return (Note(text),) if unread else ()
 
 
 def _columns(source: str, message: Recorded) -> list[str]:
@@ -309,8 +323,13 @@ def _columns(source: str, message: Recorded) -> list[str]:
     return list(column_names(topic, layout))
 
 
-def _load(recording: Recording, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
-    """The columns of some topics, a row for each message, in order of time if there are several topics."""
+def _load(
+    recording: Recording, source: str, topics: list[Topic], wanted: Collection[str], about: tuple[Note, ...]
+) -> Table:
+    """The columns of some topics, a row for each message, in order of time if there are several topics.
+
+    about: notes about their choice.
+    """
     gatherers = {topic.name: Gatherer(topic, wanted) for topic in topics}
     puts = {name: gatherer.put for name, gatherer in gatherers.items()}
     for topic, received_ns, payload in recording.messages(gatherers):
@@ -324,7 +343,7 @@ def _load(recording: Recording, source: str, topics: list[Topic], wanted: Collec
         name: Stream(gatherers[name].topic.type, times.view(kind), columns) for name, (times, columns) in found.items()
     }
     read = ", ".join(f"{topic.name} ({topic.type})" for topic in topics)
-    notes = [Note(f"topic {read}" if len(topics) == 1 else f"topics {read}"), *recording.notes.values()]
+    notes = [Note(f"topic {read}" if len(topics) == 1 else f"topics {read}"), *about, *recording.notes.values()]
     if broken := sum(gatherer.broken for gatherer in gatherers.values()):
         notes.append(Note(f"{counted(broken, 'message')} could not be read: left out", "warning"))
     return rows_of(source, TIME, streams, wanted, tuple(notes))

@@ -1,4 +1,4 @@
-"""ROS 2 source: battery state, joints, inertial unit, and external odometry."""
+"""ROS 2 source: battery state, joints, inertial unit, and external odometry or speed."""
 
 from __future__ import annotations
 
@@ -24,6 +24,14 @@ from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, req
 from ohmward.quantities import QUANTITIES
 from ohmward.traction.robot.urdf import rotation
 
+#: Type of the message on each topic, by its setting.
+TOPICS = {
+    "battery_state": types.BATTERY_STATE,
+    "joint_states": types.JOINT_STATE,
+    "imu": types.IMU,
+    "odometry": types.ODOMETRY,
+    "twist": types.TWIST,
+}
 #: Time between two checks of the connection to other nodes [s].
 _WAY_CHECK_S = 1.0
 #: Words in the names of joints that do not identify the wheel.
@@ -54,6 +62,9 @@ class Ros2Source(RosNetwork):
     #: roll, pitch and yaw [rad] of the IMU in the robot's frame, as in the URDF of its link: turned about z last
     imu_rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
     odometry: str = ""  #: topic of `nav_msgs/Odometry` from a source other than the wheels: visual, lidar, GNSS
+    #: topic of `geometry_msgs/TwistWithCovarianceStamped` from such a source, x along the robot: many GNSS drivers give
+    #: east and north instead
+    twist: str = ""
     #: false for a played bag or a simulation: time comes from /clock, or the newest stamp if nobody publishes it, and
     #: no state is kept
     live: bool = True
@@ -62,7 +73,7 @@ class Ros2Source(RosNetwork):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not any(self.topics().values()):
-            raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
+            raise InputError('no topic: give battery_state = "/battery", joint_states, imu, odometry or twist')
         require_topics(self.topics())
         require_length("imu_rpy", self.imu_rpy, 3, "roll, pitch and yaw of the inertial unit")
 
@@ -95,8 +106,9 @@ class Ros2Source(RosNetwork):
                 hand_over(Message(math.nan, now_s, self.name, {signal: value}, "services"))
             return sentence
 
-        for topic, type_ in self._topics():
+        for name, topic in self.topics().items():
             if topic:
+                type_ = TOPICS[name]
                 await asyncio.to_thread(transport.subscribe, topic, type_, partial(receive, topic, type_))
         if clock is not None:
             await asyncio.to_thread(transport.subscribe, "/clock", types.CLOCK, partial(receive, "/clock", types.CLOCK))
@@ -133,12 +145,7 @@ class Ros2Source(RosNetwork):
 
     def topics(self) -> dict[str, str]:
         """Topics by setting."""
-        return {name: getattr(self, name) for name in ("battery_state", "joint_states", "imu", "odometry")}
-
-    def _topics(self) -> tuple[tuple[str, str], ...]:
-        """Topic and type of each message."""
-        topics = (self.battery_state, self.joint_states, self.imu, self.odometry)
-        return tuple(zip(topics, self._translations, strict=True))
+        return {name: getattr(self, name) for name in TOPICS}
 
     @cached_property
     def _translations(self) -> dict[str, Callable[[Layout, dict[str, float]], dict[str, float]]]:
@@ -148,6 +155,7 @@ class Ros2Source(RosNetwork):
             types.JOINT_STATE: self._wheels,
             types.IMU: self._body,
             types.ODOMETRY: _speed,
+            types.TWIST: _speed,
         }
 
     @cached_property
