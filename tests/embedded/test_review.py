@@ -81,7 +81,6 @@ def test_another_battery_is_another_library():
 BOARDS = {
     "stm32l4xx_hal.h": """
 #include <stdint.h>
-#include <string.h>
 typedef enum { HAL_OK } HAL_StatusTypeDef;
 typedef struct { uint32_t TypeErase, Banks, Page, NbPages; } FLASH_EraseInitTypeDef;
 #define FLASH_BASE 0x08000000u
@@ -108,8 +107,7 @@ struct Memory { void update(int, uint8_t); uint8_t read(int); } ; extern Memory 
 }
 
 
-@pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="no cross compiler here: gcc-arm-none-eabi")
-@pytest.mark.parametrize(("board", "compiler"), list(zip(BOARDS, ["arm-none-eabi-gcc"] * 2 + ["g++"], strict=True)))
+@pytest.mark.parametrize(("board", "compiler"), list(zip(BOARDS, ["gcc", "gcc", "g++"], strict=True)))
 def test_the_pages_boards_compile(board, compiler, tmp_path):
     if not shutil.which(compiler):
         pytest.skip(f"{compiler} is not installed")
@@ -122,5 +120,6 @@ def test_the_pages_boards_compile(board, compiler, tmp_path):
     source = tmp_path / ("keep.cpp" if compiler == "g++" else "keep.c")
     source.write_text(example)
     standard = "-std=c++17" if compiler == "g++" else "-std=gnu99"
-    command = [compiler, standard, "-Wall", "-Wextra", "-Werror", "-I.", "-c", source.name]
+    wide = [] if compiler == "g++" else ["-Wno-int-to-pointer-cast"]  # an address of the board has 32 bits
+    command = [compiler, standard, "-Wall", "-Wextra", "-Werror", *wide, "-I.", "-c", source.name]
     subprocess.run(command, cwd=tmp_path, check=True)

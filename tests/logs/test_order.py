@@ -51,6 +51,11 @@ def test_rows_in_order_are_left_alone():
             r"f.csv: the time falls from line to line 4 times: the newest row stands first; .*--sort-time",
         ),
         ([3, 1, 4, 2, 0, 5], r"f.csv: the time falls from line to line 3 times: the rows are shuffled; .*--sort-time"),
+        (
+            np.random.default_rng(3).permutation(np.arange(1000.0)),
+            r"f.csv: the time falls from line to line 4\d\d times: the rows are shuffled; .*--sort-time",
+        ),
+        ([*range(100, 200), *range(100)], r"f.csv holds several recordings: .*--sort-time \(sort_time=True\)"),
         ([0, 2, 1, 4, 3, 6, 5], r"runs backwards at line 4, 6, 8 .*--sort-time \(sort_time=True\).*recording=1"),
     ],
 )

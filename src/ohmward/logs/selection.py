@@ -74,7 +74,8 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators
     if not separators:
         return (
             f"{what}, and no column distinguishes them; choose one by its number with --where {RECORDING}=1 "
-            f"(where={{{RECORDING!r}: 1}}; there are {restarts.size + 1}), or split the file"
+            f"(where={{{RECORDING!r}: 1}}; there are {restarts.size + 1}), or split the file; if "
+            "it is one recording whose rows are out of order, sort them with --sort-time (sort_time=True)"
         )
     values = " and ".join(f"{name!r} ({_listed(table.columns[name])})" for name in separators)
     example = {name: _plain(table.columns[name][0]) for name in separators}
@@ -275,6 +276,9 @@ class SeveralRecordingsError(InputError):
 _STEPS = word_set("step cycle cyc loop schritt zyklus 工步 循环")
 # Largest fraction of rows out of order that passes for a few written late.
 _MOST_LATE = 0.05
+# Restarts in more than this fraction of the rows show that they are shuffled: steps of a test, but no recordings, may
+# have so few rows each.
+_SHUFFLED = 0.25
 #: If more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
 _MOST_REPEATED = 0.2
 #: Quantile of the intervals between stamps that is used as the smallest one, so that a few odd stamps do not count.
@@ -446,18 +450,20 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
     time_s = table.columns[time]
     steps = np.diff(time_s)
     falls, rises = np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)
+    shuffled = InputError(
+        f"{table.source}: the time falls from {table.place} to {table.place} {falls:,} times: "
+        f"{'the newest row stands first' if rises < 0.1 * falls else 'the rows are shuffled'}; "
+        "sort the rows with --sort-time (sort_time=True)"
+    )
     if falls > rises:
-        order = "the newest row stands first" if rises < 0.1 * falls else "the rows are shuffled"
-        raise InputError(
-            f"{table.source}: the time falls from {table.place} to {table.place} {falls:,} times: {order}; "
-            "sort the rows with --sort-time (sort_time=True)"
-        )
+        raise shuffled
     restarts = find_restarts(time_s)
     if restarts.size:
         before, after = time_s[restarts[0] - 1], time_s[restarts[0]]
         if before - after >= 0.5 * (before - time_s[0]):  # back over most of the time that had passed
             separators = find_separators(table, time, restarts)
-            raise SeveralRecordingsError(explain_recordings(table, time, restarts, separators), separators)
+            several = SeveralRecordingsError(explain_recordings(table, time, restarts, separators), separators)
+            raise several if several.are_steps or restarts.size <= _SHUFFLED * time_s.size else shuffled
     if restarts.size or late.mean() > _MOST_LATE:
         raise InputError(_backwards(table, time_s, late))
 
