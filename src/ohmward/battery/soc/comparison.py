@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
-from ohmward.battery.soc.estimator import SocEstimator, SocRun
+from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import available
-from ohmward.battery.soc.sample import INITIAL_SOC_STD
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.score import soc_reference, soc_scores, voltage_score
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.optional import require
 from ohmward.rich_display import RichDisplay
+from ohmward.trace.kernel import WORTH_STEPS, Kernel
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,11 +35,12 @@ class Comparison(RichDisplay):
 
     log: Log
     runs: Mapping[str, SocRun]
+    step_s: Mapping[str, float]  #: computing time of a step [s], without compilation
     truth: np.ndarray | None = None  #: (T,) state of charge in [0, 1], nan where it is not known
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """Figures of each estimator by name: SoC at the end, errors of the voltage, errors of SoC where it is known."""
-        return {name: self._figures(run) for name, run in self.runs.items()}
+        return {name: {"us_per_step": 1e6 * self.step_s[name]} | self._figures(run) for name, run in self.runs.items()}
 
     def soc_rms_differences(self) -> dict[str, dict[str, float]]:
         """Root mean square difference of the state of charge between every two estimators."""
@@ -65,7 +69,6 @@ class Comparison(RichDisplay):
         voltage = voltage_score(log, estimates)
         return {
             "seconds": run.seconds,
-            "us_per_step": 1e6 * run.seconds / len(log),
             "soc_final": float(estimates.soc[-1]),
             "soc_std_final": float(estimates.soc_std[-1]),
             "voltage_error_mean_V": voltage.mean if voltage else None,
@@ -121,11 +124,26 @@ def compare(
         truth = soc_reference(log, truth, battery.capacity_Ah, initial_soc).soc
     if truth is not None and np.shape(truth) != log.time_s.shape:
         raise InputError(f"truth must have a value for each of the {len(log)} samples, got shape {np.shape(truth)}")
-    runs = {}
+    runs, step_s = {}, {}
     for name in names:
         report = None if progress is None else partial(_share, progress, name)
-        runs[name] = SocEstimator(battery, initial_soc, initial_soc_std, filter=name).run(log, report)
-    return Comparison(log, runs, truth)
+        runs[name] = run = SocEstimator(battery, initial_soc, initial_soc_std, filter=name).run(log, report)
+        step_s[name] = seconds_per_step(run.kernel, run.end, samples_of(log))
+    return Comparison(log, runs, step_s, truth)
+
+
+def seconds_per_step(kernel: Kernel, state: Any, samples: SocSample) -> float:
+    """Computing time of a step [s], without compilation: of as many steps as are run in machine code, the faster time.
+
+    samples: (T, ...), repeated or cut to that number.
+    """
+    steps = SocSample(*(np.resize(column, WORTH_STEPS) for column in samples))
+    least_s = math.inf
+    for _ in range(2):  # the first may compile
+        began = time.perf_counter()
+        kernel.scan(state, steps)
+        least_s = min(least_s, time.perf_counter() - began)
+    return least_s / WORTH_STEPS
 
 
 def _share(progress: Progress, name: str, done: int, steps: int) -> None:
