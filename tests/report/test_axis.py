@@ -113,3 +113,10 @@ def test_value_decimals_follow_the_bulk_and_not_a_spike():
 @pytest.mark.parametrize(("values", "places"), [([3.3, 3.3], 4), ([0.0], 4), ([np.nan], 0), ([250.0, 250.0], 2)])
 def test_value_decimals_of_constants(values, places):
     assert value_decimals(np.array(values)) == places
+
+
+def test_a_point_at_an_end_of_the_axis_has_a_margin_and_a_line_none():
+    x = np.array([2.0, 12.0])
+    lines, points = (Figure("f", "Capacity [%]", "y", [Series(x, x, "s", style)]) for style in ("line", "points"))
+    assert shared_x([lines])[1:3] == (2.0, 12.0)
+    assert shared_x([points])[1:3] == pytest.approx((1.7, 12.3))

@@ -40,6 +40,8 @@ class XAxis(NamedTuple):
 def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis:
     """X axis of all figures; with `TIME`, the wall clock where there is one, else the unit that suits their duration.
 
+    Without `TIME`, an end at which a point lies has a margin, so that the point is drawn.
+
     Raises: InputError when there are no figures, or when they do not have one x_label.
     """
     if not figures:
@@ -49,13 +51,23 @@ def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis
         raise InputError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")
     low, high = _extent(figures)
     if labels != {TIME}:
-        return XAxis(labels.pop(), low, high, 1.0)
+        margin = _MARGIN * (high - low)
+        left, right = (margin if _has_point(figures, end) else 0.0 for end in (low, high))
+        return XAxis(labels.pop(), low - left, high + right, 1.0)
     if clock is not None:
         start, zone = clock
         label = f"Time ({zone})" if zone else "Time (as in the log, which names no time zone)"
         return XAxis(label, low + start, high + start, 1.0, start, zone or "UTC")
     name, seconds = time_unit(high - low)
     return XAxis(f"Time [{name}]", low / seconds, high / seconds, seconds)
+
+
+#: Distance of a point from the end of the axis, as a share of its length.
+_MARGIN = 0.03
+
+
+def _has_point(figures: Sequence[Figure], x: float) -> bool:
+    return any(x in s.x for f in figures for s in f.series if s.style == "points")
 
 
 def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
