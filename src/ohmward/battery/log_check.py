@@ -364,8 +364,9 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
     """The log, with a warning where the resistance at its temperatures is uncertain, and a note where it has none."""
     if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
         text = (
-            f"no temperature: the battery is taken to be at {ROOM_DEGC:g} ± {WEATHER_STD_K:g} degC, which widens the "
-            "band; where you know it, give it with --temperature 5 (FileHints(temperature_degC=5))"
+            f"no temperature: the battery is taken to be at {ROOM_DEGC:g} ± {WEATHER_STD_K:g} degC (one standard "
+            "deviation), which widens the band; where you know it, give it with --temperature 5 "
+            "(FileHints(temperature_degC=5))"
         )
         return log.with_notes(Note(text))
     degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC

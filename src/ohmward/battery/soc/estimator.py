@@ -23,6 +23,7 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, LEARNT_FIELDS, Estimator
 from ohmward.battery.soc.voltage_faults import StartWatch, watch_start, wrong_starts
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log, LogSource, Note, as_log
@@ -334,7 +335,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return SocSample(0.0, math.nan, math.nan, math.nan)
 
     def __repr__(self) -> str:
-        now = f", soc {self.last.soc:.3f} ± {self.last.soc_std:.3f}" if self.last else ""
+        now = f", soc {self.last.soc:.3f} ± {BAND_95 * self.last.soc_std:.3f}" if self.last else ""
         return f"SocEstimator({self.title}{now})"
 
 

@@ -33,6 +33,7 @@ from ohmward.errors import InputError
 from ohmward.figures import mission as pictures
 from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, Note
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import find_columns
@@ -288,7 +289,7 @@ def split_rows(drive: RecordFigures | None) -> list[list[str]]:
             name,
             f"{value / SECONDS_PER_HOUR:.3f} Wh",
             percent(value / whole, 1) if whole else "-",
-            f"± {stds[name] / SECONDS_PER_HOUR:.2g} Wh" if name in stds else "",
+            f"± {BAND_95 * stds[name] / SECONDS_PER_HOUR:.2g} Wh" if name in stds else "",
         ]
         for name, value in parts.items()
     ]
@@ -309,7 +310,7 @@ def advice_lines(f: Mapping[str, Any]) -> list[str]:
     """A sentence or two for each ground."""
     lines = []
     for name, a in f["advice"].items():
-        saved = f"{a.saving_J_per_m:.2g} ± {a.saving_std_J_per_m:.1g} J/m"
+        saved = f"{a.saving_J_per_m:.2g} ± {BAND_95 * a.saving_std_J_per_m:.1g} J/m"
         sure = a.saving_J_per_m > 2 * a.saving_std_J_per_m
         text = f"{name}: least energy per metre at {a.speed_m_s:.2g} m/s, saves {saved} against the present speed"
         text += "" if sure else "; that is not certain"

@@ -184,7 +184,7 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
             quantiles = zip(("p10", "p50", "p90"), reach.distance_m, reach.duration_s, strict=True)
             for quantile, distance_m, duration_s in quantiles:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
-        text = f"{100 * float(charge.soc):.0f} ± {100 * float(charge.soc_std):.0f} %"
+        text = f"{100 * float(charge.soc):.0f} ± {100 * BAND_95 * float(charge.soc_std):.0f} %"
         found.append(Diagnostic("charge", Level.OK, text, values))
     if state.is_silent("battery"):
         found = [_stale("charge", "battery", state.time_s - state.battery_time_s, found)]

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, CalibrationDrive, Stretches, cut
 from ohmward.traction.robot.chassis import Mecanum, Omni
 from ohmward.traction.robot.motor import wheel_torque
@@ -150,7 +151,8 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
         )
         return Parameter(name, own_m, std_m, reason)
     if not is_identified(name, radius_m, std_m):
-        reason = f"the drives give {radius_m:.3g} ± {std_m:.2g} m: the wheels slip much, or there are too few stretches"
+        given = f"{radius_m:.3g} ± {BAND_95 * std_m:.2g} m"
+        reason = f"the drives give {given}: the wheels slip much, or there are too few stretches"
         return Parameter(name, own_m, std_m, reason)
     return Parameter(name, radius_m, std_m)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
@@ -150,7 +151,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
 
     def __repr__(self) -> str:
         e = self.last
-        now = f", at ({e.x_m:.2f}, {e.y_m:.2f}) ± {e.position_std_m:.2f} m" if e else ""
+        now = f", at ({e.x_m:.2f}, {e.y_m:.2f}) ± {BAND_95 * e.position_std_m:.2f} m" if e else ""
         return f"Odometry({self.settings.robot.name}{now})"
 
 

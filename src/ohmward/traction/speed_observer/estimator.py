@@ -6,6 +6,7 @@ from functools import partial, reduce
 
 import numpy as np
 
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
@@ -129,7 +130,8 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
 
     def __repr__(self) -> str:
         robot, ground = self.observer.scene.robot, self.observer.scene.terrains[0]
-        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        e = self.last
+        now = f", speed {e.speed_m_s:.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
         return f"SlipEstimator({self.observer.method}, {robot.name} on {ground.name}{now})"
 
 

@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.flags import SampleFlag, flags_of
 from ohmward.filters.gate import choose
@@ -504,5 +505,6 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
 
     def __repr__(self) -> str:
         names = ", ".join(self.floors.recognition.names)
-        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        e = self.last
+        now = f", speed {e.speed_m_s:.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
         return f"FloorSlipEstimator({self.floors.wheels.robot.name} on {names}{now})"
