@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from fleet.examples import BATTERY, day, write
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
@@ -99,13 +100,26 @@ def test_the_robots_of_a_fleet_are_on_one_page(folder, capsys):
     }
     page = (folder / "out" / "report.html").read_text()
     assert all(
-        word in page for word in ("amr-0", "Logs that were refused", "amr-1_2026-01-07.csv", "Capacity over time")
+        word in page for word in ("amr-0", "Logs that were refused", "amr-1_2026-01-07.csv", "Resistance over time")
     )
     assert sorted(path.name for path in (folder / "out" / "batteries").iterdir()) == [f"amr-{k}.toml" for k in range(3)]
     table = pyarrow.parquet.read_table(folder / "out" / "summary.parquet")
     assert table.num_rows == 7 and "robot" in table.column_names
     assert main(command) == 0
     assert "3 robots done before" in capsys.readouterr().out
+
+
+def test_fleet_and_health_say_the_same_of_the_same_logs(tmp_path, as_json):
+    """Deep discharges of a battery of three fourths of the label's capacity; the curve of the label is not certain."""
+    save_battery(BATTERY, tmp_path / "new.toml")
+    for k in range(5):
+        write(tmp_path / f"r_{k}.csv", day(7 * k, 1.0 - 0.04 * k, hours=3.0, capacity=0.75))
+    words = (str(tmp_path / "*.csv"), "--battery", str(tmp_path / "new.toml"), "--current-sign", "charge")
+    (robot,) = as_json("fleet", *words, "-o", str(tmp_path / "out"), "--processes", "1")["robots"]
+    health = as_json("health", *words)
+    assert health["capacity_by"] == "filter"
+    assert health["soh_capacity"]["mean"] == pytest.approx(robot["soh_capacity"], abs=1e-9)
+    assert health["soh_capacity"]["std"] == pytest.approx(robot["soh_capacity_std"], abs=1e-9)
 
 
 def test_a_fleet_whose_logs_are_all_refused_exits_as_soc_does(folder, capsys):

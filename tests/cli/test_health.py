@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cli.examples import MODEL, NOISE
+from fleet.examples import BATTERY, day, write
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
@@ -15,7 +16,7 @@ from ohmward_lab.simulate.voltage import simulate_voltage
 
 KEYS = {"command", "battery", "logs", "days", "cycles", "capacity_new_Ah", "resistance_new_ohm", "capacity_Ah"}
 KEYS |= {"discharge_Ah", "emptied", "soh_capacity", "resistance_ratio", "worn_share", "worn_in_days", "worn_within"}
-KEYS |= {"sudden_changes", "off_trend", "notes", "report"}
+KEYS |= {"capacity_by", "sudden_changes", "off_trend", "notes", "report"}
 LOG_KEYS = {"log", "begins", "days", "hours", "cycles", "temperature_degC", "verdict", "reason", "soc_min", "soc_max"}
 LOG_KEYS |= {"capacity_Ah", "discharge_Ah", "resistance_ohm", "own_soh_capacity", "own_resistance_ratio", "remark"}
 #: Share of the capacity that is left in the months of the logs.
@@ -79,6 +80,20 @@ def test_the_text_says_what_the_numbers_mean(life, capsys):
     assert "of that when new" in out
     assert "nine in ten" in out
     assert "capacity when new: 11.64 Ah, as given" in out
+
+
+def test_a_capacity_that_no_log_shows_is_not_known(tmp_path, as_json, capsys):
+    """A twentieth of the charge, twice."""
+    save_battery(BATTERY, tmp_path / "new.toml")
+    logs = [write(tmp_path / f"r_{k}.csv", day(7 * k, 0.65, hours=0.25)) for k in range(2)]
+    words = ("health", *logs, "--battery", str(tmp_path / "new.toml"), "--current-sign", "charge")
+    found = as_json(*words)
+    names = ("soh_capacity", "capacity_by", "worn_in_days", "worn_within")
+    assert [found[name] for name in names] == [None] * 4
+    assert [log["own_soh_capacity"] for log in found["logs"]] == [None] * 2
+    assert main([*words, "--report", str(tmp_path / "health.html")]) == 0
+    assert "not known: no log shows it" in capsys.readouterr().out
+    assert "Capacity over that when new" not in (tmp_path / "health.html").read_text(encoding="utf-8")
 
 
 def test_the_battery_file_stays_as_it_is(life, capsys):

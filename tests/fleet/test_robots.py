@@ -1,39 +1,16 @@
 """Robots of a fleet: whose log a file is, their logs in order of time through one estimator, and the alarms of each."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import ohmward as ow
+from fleet.examples import BATTERY, DAY_S, MODEL, START_S, day, write
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.errors import InputError
 from ohmward.fleet import Job, ReadOptions, RobotJob, robot_states, robots_of, run_fleet
 from ohmward.logs import write_table
-
-BATTERY = ow.generic_battery("nmc", 10.0)
-MODEL = BATTERY.thevenin
-START_S = datetime(2026, 1, 5, 8, tzinfo=UTC).timestamp()
-DAY_S = 86400.0
-
-
-def day(number: int, soc: float, resistance: float = 1.0, hours: float = 2.0) -> dict[str, np.ndarray]:
-    """A day of pulses from a charge on, of the battery of the label but for its resistance."""
-    assert MODEL is not None
-    time_s = np.arange(0.0, 3600.0 * hours, 10.0)
-    current_A = np.where(time_s % 600.0 < 300.0, -4.0, -0.2)
-    soc_after = soc + np.cumsum(current_A) * 10.0 / 3600.0 / 10.0
-    ocv_V = np.interp(soc_after, np.linspace(0.0, 1.0, len(MODEL.ocv.voltage_V)), MODEL.ocv.voltage_V)
-    ohm = resistance * (float(np.median(MODEL.r0_discharge_ohm)) + sum(float(np.median(r)) for r in MODEL.r_ohm))
-    unix_s = START_S + DAY_S * number + time_s
-    return {"unix_time_s": unix_s, "current_A": current_A, "voltage_V": ocv_V + ohm * current_A}
-
-
-def write(path: Path, columns: dict[str, np.ndarray], **labels: str) -> str:
-    rows = len(columns["current_A"])
-    write_table(columns | {name: np.full(rows, value, object) for name, value in labels.items()}, path)
-    return str(path)
 
 
 def job(logs: dict[str, list[str]], **options) -> RobotJob:
@@ -179,6 +156,24 @@ def test_the_battery_of_each_robot_is_learnt(tmp_path):
     learnt = load_battery(row["battery"])
     assert learnt.name == "r" and learnt.thevenin is not None and MODEL is not None
     assert np.median(learnt.thevenin.r0_discharge_ohm) > 1.1 * np.median(MODEL.r0_discharge_ohm)
+
+
+def test_a_capacity_that_settles_over_the_logs_is_no_change(tmp_path):
+    """Deep discharges of a battery that has lost a fourth of the label's capacity, and does not change."""
+    texts = [write(tmp_path / f"r_{k}.csv", day(7 * k, 1.0, hours=3.45, capacity=0.75)) for k in range(5)]
+    (state,) = robot_states(job({"r": texts}).run(["r x"]))
+    assert state.soh_change is not None and state.soh_change_std is not None
+    assert abs(state.soh_change) < 2.0 * state.soh_change_std < 0.04
+
+
+def test_a_capacity_that_no_log_shows_is_not_known(tmp_path):
+    """A tenth of the charge in two days."""
+    texts = [write(tmp_path / f"r_{k}.csv", day(k, 0.65, hours=0.5)) for k in range(2)]
+    rows = job({"r": texts}).run(["r x"])
+    (state,) = robot_states(rows)
+    assert (state.soh_capacity, state.soh_change) == (None, None)
+    assert [log["soh_capacity"] for log in rows[0]["logs"]] == [None, None]
+    assert [row["soh_capacity"] for row in job({}).settings.run(texts)] == [None, None]
 
 
 def test_alarms_name_the_robot_and_the_worst_is_first(tmp_path):

@@ -20,7 +20,7 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
-from ohmward.figures.health import capacity_figure
+from ohmward.figures.health import trend_figures
 from ohmward.figures.numbers import duration, flagged, lognormal, normal, percent, quantity, ratio
 from ohmward.figures.plot import range_figures
 from ohmward.filters.consistency import BAND_95
@@ -131,15 +131,15 @@ def _(compared: Comparison) -> str:
 
 @card.register
 def _(found: BatteryHealth) -> str:
-    ahead = found.health.ahead
+    ahead, by_logs = found.health.ahead, found.capacity_by == "logs"
     facts = {
         "logs": f"{len(found.updates)}, {sum(update.verdict == 'learnt' for update in found.updates)} of them learnt",
-        "capacity": f"{lognormal(ratio(found.health.capacity_now), '%', 100)} of that when new (95 %)",
+        "capacity": f"{lognormal(ratio(found.capacity), '%', 100)} of that when new (95 %)" if found.capacity else "",
         "resistance": f"{lognormal(ratio(found.health.resistance_now), '%', 100)} of that when new (95 %)",
-        f"down to {ahead.share:.0%} within a year": percent(ahead.within(DAYS_PER_YEAR), 0),
+        f"down to {ahead.share:.0%} within a year": percent(ahead.within(DAYS_PER_YEAR), 0) if by_logs else "",
         "sudden changes": f"{len(found.health.changes)}" if found.health.changes else "",
     }
-    return html_card(f"Health of {found.battery.name}", facts, capacity_figure(found.health))
+    return html_card(f"Health of {found.battery.name}", facts, trend_figures(found)[0])
 
 
 @card.register

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ohmward.battery.health.ageing import SAYS_NOTHING_STD, AgeingFit, LifeAhead
-from ohmward.battery.health.health import Health
+from ohmward.battery.health.health import BatteryHealth, Health
 from ohmward.filters.consistency import BAND_95
 from ohmward.quantities import DAY_S
 from ohmward.report import Band, Figure, Marker, Series
+from ohmward.report.figure import Role
 
 #: Points of the trend between the first and the last log.
 _TREND_POINTS = 200
@@ -51,9 +52,10 @@ def resistance_figure(health: Health) -> Figure:
     return _figure("Resistance over that when new", "Resistance [%]", series, [band], health, span_days)
 
 
-def trend_figures(health: Health) -> list[Figure]:
-    """Capacity and resistance over time."""
-    return [capacity_figure(health), resistance_figure(health)]
+def trend_figures(found: BatteryHealth) -> list[Figure]:
+    """Capacity over time, if the logs show it, and resistance over time."""
+    capacity = [capacity_figure(found.health)] if found.capacity_by == "logs" else []
+    return [*capacity, resistance_figure(found.health)]
 
 
 def life_figure(ahead: LifeAhead) -> Figure:
@@ -113,7 +115,8 @@ def battery_map(batteries: Mapping[str, tuple[float, float]], marked: Sequence[s
     for label, robots in groups.items():
         points = _PERCENT * np.array([batteries[robot] for robot in robots]).reshape(-1, 2)
         if len(points):
-            series.append(Series(points[:, 0], points[:, 1], label, "points"))
+            role: Role = "background" if label == "the others" else "auto"
+            series.append(Series(points[:, 0], points[:, 1], label, "points", role))
     title = "Capacity and resistance over the battery file's"
     return Figure(title, "Capacity [%]", "Resistance [%]", series, height_px=320)
 

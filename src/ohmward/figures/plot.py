@@ -68,7 +68,7 @@ def _plot(result: Any) -> Plot | Map:
         case Comparison():
             return Plot("Estimators compared", battery.comparison_figures(result.log, result.runs, result.truth))
         case BatteryHealth():
-            return Plot(f"Health of {result.battery.name}", trend_figures(result.health))
+            return Plot(f"Health of {result.battery.name}", trend_figures(result))
         case PackRun():
             cells = [battery.cells_soc_figure(result), battery.cells_difference_figure(result)]
             return Plot("Cells of the pack", cells)

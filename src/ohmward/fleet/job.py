@@ -17,6 +17,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, save_battery
+from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.estimator import SocEstimator
@@ -79,6 +80,8 @@ def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: Soc
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
     figures = {"samples": len(log), "duration_s": log.duration_s, **soc_figures(log, found)}
     figures |= {"flagged_share": float(np.mean(incidents != 0))}
+    if not shows_capacity(battery, float(found.soh_capacity_std[-1] / found.soh_capacity[-1])):
+        figures["soh_capacity"] = None
     return {"path": text, **fit, **{name: None if value != value else value for name, value in figures.items()}}
 
 
@@ -135,6 +138,7 @@ class RobotJob:
         battery = BATTERY_FILE.parse(job.battery)
         rows: dict[str, dict[str, Any]] = {}
         logs = self._read(texts, battery, rows)
+        capacities: list[tuple[float, float, float]] = []
         estimator = SocEstimator(make_estimator(job.filter, battery), job.initial_soc, job.initial_soc_std)
         for text, log, start_s in logs:
             # the clock of the robot, on which the estimator counts the pause since the log before
@@ -146,10 +150,13 @@ class RobotJob:
             warnings = [note.text for note in log.notes if note.level == "warning"]
             rows[text] = {"begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
             rows[text] |= stds | {"throughput_Ah": log.throughput_Ah(), "warnings": warnings}
+            capacities.append((start_s + log.duration_s, float(found.soh_capacity[-1]), last_stds["soh_capacity_std"]))
+        change = _given_all_logs([rows[one.text] for one in logs], capacities, battery)
         of_robot = {"robot": robot or None}
         ordered = [of_robot | rows[text] for text in dict.fromkeys([*(one.text for one in logs), *texts])]
         error = None if logs else f"none of its {len(texts)} logs could be used: {ordered[0]['error']}"
-        return {"path": item, "robot": robot, "error": error, "logs": ordered, **self._learn(robot, battery, estimator)}
+        learnt = self._learn(robot, battery, estimator)
+        return {"path": item, "robot": robot, "error": error, "logs": ordered, **change, **learnt}
 
     def _read(self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]]) -> list[_Dated]:
         """The logs that can be used, in order of time; `rows` gets the others, each with its reason."""
@@ -187,6 +194,26 @@ class RobotJob:
         except InputError:
             return {"battery": None}
         return {"battery": str(path)}
+
+
+def _given_all_logs(
+    rows: Sequence[dict[str, Any]], capacities: Sequence[tuple[float, float, float]], battery: Battery
+) -> dict[str, float | None]:
+    """Write the capacity that all logs of a robot show into the rows of its logs; its change over them for the robot.
+
+    capacities: at the end of each log its time, and the filter's mean and standard deviation of the capacity over the
+        battery file's.
+    """
+    change: dict[str, float | None] = {"soh_change": None, "soh_change_std": None}
+    if not rows or not np.isfinite(capacities).all():
+        return change
+    found = capacity_over_logs(battery, *zip(*capacities, strict=True))
+    is_known = shows_capacity(battery, float(found.std[-1] / found.mean[-1]))
+    for row, mean, std in zip(rows, found.mean, found.std, strict=True):
+        row |= {"soh_capacity": float(mean) if is_known else None, "soh_capacity_std": float(std)}
+    if is_known and len(rows) > 1:
+        change |= {"soh_change": found.change.mean, "soh_change_std": found.change.std}
+    return change
 
 
 def _one_after_the_other(read: Sequence[tuple[str, Log]]) -> list[_Dated]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.battery_columns import serial_column
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import open_table
@@ -188,7 +189,7 @@ _LARGEST_HEADER = 50_000
 
 def _has_rows(text: str, file: TableFile) -> bool:
     """False for a table of which only the header is there."""
-    if file.choose or split_selection(text)[0].stat().st_size > _LARGEST_HEADER:
+    if file.head or file.choose or split_selection(text)[0].stat().st_size > _LARGEST_HEADER:
         return True
     try:
         return bool(file.load(set(file.names)).line.size)
@@ -223,9 +224,10 @@ class RobotRecord(NamedTuple):
     throughput_Ah: float
     soc: float | None
     soc_std: float | None
-    soh_capacity: float | None  #: over the battery file's
+    soh_capacity: float | None  #: over the battery file's; None too where its logs do not show it
     soh_capacity_std: float | None
-    soh_change: float | None  #: since the end of the first log
+    soh_change: float | None  #: of `soh_capacity` from the end of the first log to that of the last
+    soh_change_std: float | None
     resistance_ratio: float | None  #: over the battery file's
     resistance_ratio_std: float | None
     current_offset_A: float | None
@@ -247,7 +249,11 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
         named = {alarm.split()[0] for alarm in own}
         beside = (alarm for alarm in _outliers(state, fleet) if alarm.split()[0] not in named)
         judged.append(state._replace(alarms=(*own, *beside)))
-    return sorted(judged, key=lambda one: (-len(one.alarms), one.soh_capacity or 0.0, one.robot))
+    return sorted(judged, key=_rank)
+
+
+def _rank(state: RobotRecord) -> tuple[int, float, str]:
+    return -len(state.alarms), np.inf if state.soh_capacity is None else state.soh_capacity, state.robot
 
 
 def _lost(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -260,7 +266,6 @@ def _state(row: Mapping[str, Any]) -> RobotRecord:
     used = [log for log in row["logs"] if not log["error"]]
     last: Mapping[str, Any] = used[-1] if used else {}
     dates = [log["begins"] for log in used if log["begins"]]
-    soh = [log["soh_capacity"] for log in used if log["soh_capacity"] is not None]
     return RobotRecord(
         robot=row["robot"],
         logs=len(used),
@@ -271,7 +276,8 @@ def _state(row: Mapping[str, Any]) -> RobotRecord:
         throughput_Ah=sum(log["throughput_Ah"] for log in used),
         soc=last.get("soc_final"),
         soc_std=last.get("soc_std_final"),
-        soh_change=soh[-1] - soh[0] if len(soh) > 1 else None,
+        soh_change=row.get("soh_change"),
+        soh_change_std=row.get("soh_change_std"),
         battery=row.get("battery"),
         alarms=(),
         **{name: last.get(name) for name in _AS_IN_THE_ROW},
@@ -287,10 +293,10 @@ def _alarms(state: RobotRecord, row: Mapping[str, Any]) -> Iterator[str]:
     if used[-1]["misfit"]:
         yield used[-1]["misfit"]
     if state.soh_capacity is not None and state.soh_capacity + _SURELY * (state.soh_capacity_std or 0.0) < WORN:
-        yield f"capacity {_with_std(state.soh_capacity, state.soh_capacity_std)} of the battery file's: worn out"
+        yield f"capacity {with_band(state.soh_capacity, state.soh_capacity_std)} of the battery file's: worn out"
     ratio, std = state.resistance_ratio, state.resistance_ratio_std
     if ratio is not None and ratio - _SURELY * (std or 0.0) > HIGH_RESISTANCE:
-        yield f"resistance {_with_std(ratio, std)} of the battery file's: worn, or a bad contact"
+        yield f"resistance {with_band(ratio, std)} of the battery file's: worn, or a bad contact"
     low = sum(log["soc_min"] < LOW_SOC for log in used)
     if low:
         yield f"below {100 * LOW_SOC:.0f} % of charge in {counted(low, 'log')}"
@@ -305,7 +311,7 @@ def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None
         usual, std = known
         worse = way * (value - usual)
         if worse > _OUTLIER_STDS * float(np.hypot(std, own_std)) and worse > _OUTLIER_SHARE * usual:
-            yield f"{what} {_with_std(value, own_std)} of the battery file's, of the fleet {_with_std(usual, std)}"
+            yield f"{what} {with_band(value, own_std)} of the battery file's, of the fleet {with_band(usual, std)}"
 
 
 def _of_fleet(states: Sequence[RobotRecord], name: str) -> tuple[float, float] | None:
@@ -314,5 +320,8 @@ def _of_fleet(states: Sequence[RobotRecord], name: str) -> tuple[float, float] |
     return (float(np.median(values)), spread(values)) if values.size >= _FEWEST_ROBOTS else None
 
 
-def _with_std(value: float, std: float | None) -> str:
-    return f"{value:.0%}" if std is None else f"({100 * value:.0f} ± {100 * std:.0f}) %"
+def with_band(share: float | None, std: float | None) -> str:
+    """A share with its 95 % band, in percent; "-" where it is not known."""
+    if share is None:
+        return "-"
+    return f"{100 * share:.0f} %" if std is None else f"{100 * share:.0f} ± {100 * BAND_95 * std:.0f} %"

@@ -9,7 +9,7 @@ from battery.health.test_discharge_capacity import update
 from ohmward.battery.battery import Knowledge, SeenLog
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.health.ageing import HealthPoint, Track, logarithm
-from ohmward.battery.health.history import DatedLogs, in_order_of_time, newness, points_of, unlearnt
+from ohmward.battery.health.history import DatedLogs, common_error, in_order_of_time, newness, points_of, unlearnt
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -77,3 +77,10 @@ def test_points_hold_throughput_and_the_capacity_of_a_discharge():
 def test_a_quantity_that_is_not_known_has_no_logarithm():
     assert logarithm(Normal(np.nan, np.inf), 1.0).std == np.inf
     assert not HealthPoint("a", 0.0, 1.0, 0.0).shows_capacity
+
+
+def test_logs_share_the_error_of_the_capacity_after_the_first_log_or_the_first_full_discharge():
+    battery = generic_battery("nmc", 10.0)
+    halves = [update("a", 0.5)._replace(capacity_Ah=Normal(10.0, 0.9)), update("b", 0.5)]
+    assert common_error(battery, halves) == pytest.approx(0.09)
+    assert common_error(battery, [*halves, update("c", 0.1)]) == pytest.approx(0.03)

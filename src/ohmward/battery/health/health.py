@@ -1,13 +1,15 @@
 """Health of a battery over months: learn from each of its logs in order of time, then judge the trend.
 
-The result is the trend, sudden changes, and the time left.
+The result is the trend, sudden changes, and the time left. Where the logs do not show the capacity, it is that of the
+filter over all logs, as on board, or not known; there is no trend and no time left then.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from ohmward.battery.health.ageing import (
     life_ahead,
     no_law,
 )
+from ohmward.battery.health.capacity_over_logs import shows_capacity
 from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
 from ohmward.battery.health.history import (
     DatedLogs,
@@ -37,6 +40,7 @@ from ohmward.battery.health.history import (
 )
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs
@@ -148,6 +152,10 @@ class BatteryHealth(RichDisplay):
     dated: DatedLogs  #: the logs in order of time
     updates: Sequence[LogUpdate]  #: one for each log
     health: Health  #: trends, sudden changes, and the time left
+    #: ln(capacity over that when new) at the last log; None where it is not known
+    capacity: Normal | None
+    #: "logs" if these show the capacity and its trend, "filter" if only the filter over all logs does
+    capacity_by: Literal["logs", "filter"] | None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -155,10 +163,10 @@ class BatteryHealth(RichDisplay):
         return (*self.dated.notes, *self.new.notes)
 
     def __repr__(self) -> str:
-        capacity, resistance = np.exp(self.health.capacity_now.mean), np.exp(self.health.resistance_now.mean)
+        capacity = "not known" if self.capacity is None else f"{100 * np.exp(self.capacity.mean):.0f} %"
         return (
-            f"BatteryHealth({self.battery.name!r}, {len(self.updates)} logs, capacity {100 * capacity:.0f} "
-            f"%, resistance {100 * resistance:.0f} % of those when new)"
+            f"BatteryHealth({self.battery.name!r}, {len(self.updates)} logs, capacity {capacity}, resistance "
+            f"{100 * np.exp(self.health.resistance_now.mean):.0f} % of those when new)"
         )
 
 
@@ -197,4 +205,23 @@ def health(
     points = points_of(dated, learnt.updates, new)
     common = common_error(learnt.battery, learnt.updates)
     found = health_of(battery, points, np.random.default_rng(_SEED), worn, common)
-    return BatteryHealth(battery, new, dated, learnt.updates, found)
+    of_logs = BatteryHealth(battery, new, dated, learnt.updates, found, found.capacity_now, "logs")
+    if any(point.shows_capacity for point in points) and shows_capacity(battery, found.capacity_now.std):
+        return of_logs
+    on_board = _capacity_on_board(battery, dated, learnt.updates)
+    if not shows_capacity(battery, on_board.relative_std):
+        return replace(of_logs, capacity=None, capacity_by=None)
+    over_new = math.log(on_board.mean * battery.capacity_Ah / new.capacity_Ah)
+    return replace(of_logs, capacity=Normal(over_new, on_board.relative_std), capacity_by="filter")
+
+
+def _capacity_on_board(battery: Battery, dated: DatedLogs, updates: Sequence[LogUpdate]) -> Normal:
+    """Capacity over the battery file's as a filter finds it that runs through the logs one after the other."""
+    estimator, end_s, found = SocEstimator(battery), -math.inf, Normal(1.0, math.inf)
+    for log, start_s, update in zip(dated.logs, dated.start_s.tolist(), updates, strict=True):
+        if update.verdict != "learnt" or start_s < end_s:
+            continue
+        estimates = estimator.run(replace(log, time_s=log.time_s - log.time_s[0] + start_s)).estimates
+        found = Normal(float(estimates.soh_capacity[-1]), float(estimates.soh_capacity_std[-1]))
+        end_s = start_s + log.duration_s
+    return found

@@ -129,14 +129,17 @@ def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> l
 
 
 def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
-    """Relative error that all logs share: of the sensor's gain, and of where the empty end of the curve lies.
+    """Relative error that all logs share: of the capacity, the sensor's gain, and the empty end of the curve.
 
-    Where discharges are compared, they are all relative to the first that shows their end, and share its error.
+    Along the charge below full the curve is the same whatever the capacity is: later logs are relative to the capacity
+    after the first. Where discharges are compared, they are relative to the first that shows their end.
     """
-    first = next((update for update, each in zip(updates, used_capacities(updates), strict=True) if each.latest), None)
+    used = used_capacities(updates)
+    first = next((update for update, each in zip(updates, used, strict=True) if each.latest), None)
     if first is not None:
         return first.capacity_Ah.relative_std
-    return math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std)
+    of_first = next((update.capacity_Ah.relative_std for update in updates if update.verdict == "learnt"), 0.0)
+    return max(of_first, math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std))
 
 
 def _own_discharge(update: LogUpdate, used: UsedCapacity, first: FullDischarge) -> Normal:

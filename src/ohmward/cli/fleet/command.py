@@ -35,7 +35,7 @@ from ohmward.fleet import (
     robots_of,
     run_fleet,
 )
-from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
+from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL, with_band
 from ohmward.fleet.run import Executor
 from ohmward.logs.table import counted
 from ohmward.quantities import SECONDS_PER_HOUR
@@ -47,7 +47,7 @@ PAGE = "report.html"
 ROBOTS = ["robot", "logs", "hours", "last log", "charge", "capacity", "change", "resistance", "alarms"]
 _CAPTION = (
     "Charge at the end of the last log; capacity and resistance over those of the battery file; change of the capacity "
-    "since the first log, in points; 95 % bands."
+    "since the first log, in points; 95 % bands. A - stands where the logs do not show the capacity."
 )
 _WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders"}
 
@@ -192,12 +192,17 @@ def robot_row(state: RobotRecord) -> list[str]:
         f"{state.logs}" + (f" (+ {state.refused} refused)" if state.refused else ""),
         f"{state.hours:,.1f}",
         (state.last or "-")[:10],
-        _share(state.soc, state.soc_std),
-        _share(state.soh_capacity, state.soh_capacity_std),
-        "-" if state.soh_change is None else f"{100 * state.soh_change:+.1f}",
-        _share(state.resistance_ratio, state.resistance_ratio_std),
+        with_band(state.soc, state.soc_std),
+        with_band(state.soh_capacity, state.soh_capacity_std),
+        _change(state.soh_change, state.soh_change_std),
+        with_band(state.resistance_ratio, state.resistance_ratio_std),
         str(len(state.alarms)),
     ]
+
+
+def _change(change: float | None, std: float | None) -> str:
+    """A change of a share with its 95 % band, in points."""
+    return "-" if change is None or std is None else f"{100 * change:+z.1f} ± {100 * BAND_95 * std:.1f}"
 
 
 def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
@@ -240,13 +245,6 @@ def _trends(
             times = [datetime.fromisoformat(log["begins"]).timestamp() for log in known]
             found[robot] = np.array(times), np.array([log[field] for log in known])
     return found
-
-
-def _share(value: float | None, std: float | None) -> str:
-    """A share with its 95 % band, in percent."""
-    if value is None:
-        return "-"
-    return f"{100 * value:.0f} %" if std is None else f"{100 * value:.0f} ± {100 * BAND_95 * std:.0f} %"
 
 
 def _first(rows: list[dict[str, Any]], column: str) -> list[str]:

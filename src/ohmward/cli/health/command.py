@@ -11,7 +11,7 @@ from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing import DAYS_PER_YEAR, HealthPoint
+from ohmward.battery.health.ageing import DAYS_PER_YEAR
 from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import BatteryHealth, health
 from ohmward.battery.health.history import used_capacities
@@ -84,6 +84,7 @@ def summary(found: BatteryHealth) -> dict[str, Any]:
     health, updates = found.health, found.updates
     used = used_capacities(updates)
     days, cycles = health.now
+    by_logs = found.capacity_by == "logs"
     return {
         "command": "health",
         "battery": found.battery.name,
@@ -95,11 +96,12 @@ def summary(found: BatteryHealth) -> dict[str, Any]:
         "capacity_Ah": updates[-1].capacity_Ah._asdict(),
         "discharge_Ah": used[-1].capacity_Ah._asdict(),
         "emptied": used[-1].latest is not None,
-        "soh_capacity": ratio(health.capacity_now),
+        "soh_capacity": ratio(found.capacity) if found.capacity else None,
+        "capacity_by": found.capacity_by,
         "resistance_ratio": ratio(health.resistance_now),
         "worn_share": health.ahead.share,
-        "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()},
-        "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()},
+        "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()} if by_logs else None,
+        "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()} if by_logs else None,
         "sudden_changes": [
             {
                 "before": step.before,
@@ -121,6 +123,7 @@ def summary(found: BatteryHealth) -> dict[str, Any]:
 
 def _log(found: BatteryHealth, k: int, discharge_Ah: Normal) -> dict[str, Any]:
     update, point, start_s = found.updates[k], found.health.points[k], float(found.dated.start_s[k])
+    shows_capacity = point.shows_capacity and found.capacity_by == "logs"
     return {
         "log": update.log,
         "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if found.dated.has_clock else None,
@@ -135,20 +138,20 @@ def _log(found: BatteryHealth, k: int, discharge_Ah: Normal) -> dict[str, Any]:
         "capacity_Ah": update.capacity_Ah._asdict(),
         "discharge_Ah": discharge_Ah._asdict(),
         "resistance_ohm": update.resistance_ohm._asdict(),
-        "own_soh_capacity": ratio(point.log_capacity) if point.shows_capacity else None,
+        "own_soh_capacity": ratio(point.log_capacity) if shows_capacity else None,
         "own_resistance_ratio": ratio(point.log_resistance) if point.shows_resistance else None,
-        "remark": remark(update, point, found.health.outliers),
+        "remark": remark(update, shows_capacity, found.health.outliers),
     }
 
 
-def remark(update: LogUpdate, point: HealthPoint, outliers: Sequence[Outlier]) -> str:
+def remark(update: LogUpdate, shows_capacity: bool, outliers: Sequence[Outlier]) -> str:
     """Remark on a log beside its numbers."""
     if update.verdict != "learnt":
         return f"{update.verdict}: {update.reason}" if update.reason else update.verdict
     own = next((outlier for outlier in outliers if outlier.log == update.log), None)
     if own is not None:
         return f"{own.deviation:+.1f} sigma off the trend: {CAUSES[own.cause]}"
-    return "" if point.shows_capacity else "says nothing of the capacity by itself"
+    return "" if shows_capacity else "says nothing of the capacity by itself"
 
 
 def describe(f: Mapping[str, Any]) -> str:
@@ -174,19 +177,29 @@ def span(f: Mapping[str, Any]) -> str:
 
 def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
-    rows = {
-        "capacity": f"{normal(f['soh_capacity'], '%', 100)} of that when new",
-        "resistance": f"{lognormal(f['resistance_ratio'], '%', 100)} of that when new, at 25 degC",
-        "from full to empty": normal(f["capacity_Ah"], "Ah"),
-    }
+    resistance = {"resistance": f"{lognormal(f['resistance_ratio'], '%', 100)} of that when new, at 25 degC"}
+    left = {f"down to {f['worn_share']:.0%} in": life_text(f)}
+    if f["capacity_by"] != "logs":
+        return {"capacity": capacity_text(f)} | resistance | left
+    rows = {"capacity": capacity_text(f)} | resistance | {"from full to empty": normal(f["capacity_Ah"], "Ah")}
     if f["emptied"]:
         rows["a discharge gives"] = f"{normal(f['discharge_Ah'], 'Ah')}, from full to where they have ended"
-    return rows | {f"down to {f['worn_share']:.0%} in": life_text(f)}
+    return rows | left
+
+
+def capacity_text(f: Mapping[str, Any]) -> str:
+    """The capacity with its band, and whether it is that of the filter alone; or what would show it."""
+    if f["soh_capacity"] is None:
+        return "not known: no log shows it; a discharge from full to empty would"
+    found = f"{normal(f['soh_capacity'], '%', 100)} of that when new"
+    return found if f["capacity_by"] == "logs" else f"{found}, by the filter over all logs; no log alone shows it"
 
 
 def life_text(f: Mapping[str, Any]) -> str:
     """The time left in words: its median and 90 % interval."""
     left = f["worn_in_days"]
+    if left is None:
+        return "not known: the logs show no trend of the capacity"
     if left["p95"] == 0.0:
         return "it is there already"
     return f"{time_text(left['p50'])}; nine in ten: {time_text(left['p05'])} to {time_text(left['p95'])}"
@@ -220,18 +233,19 @@ def off_text(outlier: Mapping[str, Any]) -> str:
 def make_page(found: BatteryHealth, f: Mapping[str, Any]) -> Page:
     """Key figures, trends, the time left, and the logs."""
     numbers = {
-        "Capacity": normal(f["soh_capacity"], "%", 100),
+        "Capacity": normal(f["soh_capacity"], "%", 100) if f["soh_capacity"] else "not known",
         "Resistance": lognormal(f["resistance_ratio"], "%", 100),
-        f"Down to {f['worn_share']:.0%} within a year": f"{f['worn_within']['year']:.0%}",
+        f"Down to {f['worn_share']:.0%} within a year": f"{f['worn_within']['year']:.0%}" if f["worn_within"] else "",
     }
     page = Page(f"Health of battery {f['battery']!r}", span(f), FOOTER).numbers(wording.known_rows(numbers))
     for step in f["sudden_changes"]:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in f["off_trend"]:
         page = page.callout("info", sentence(off_text(outlier)))
-    page = page.heading("Trend").plot(*trend_figures(found.health))
+    page = page.heading("Trend").plot(*trend_figures(found))
     page = page.heading("Time left").text(sentence(f"Down to {f['worn_share']:.0%}: {life_text(f)}"))
-    page = page.plot(life_figure(found.health.ahead))
+    if f["worn_within"]:
+        page = page.plot(life_figure(found.health.ahead))
     page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(f).items()))
     rows = [
         [

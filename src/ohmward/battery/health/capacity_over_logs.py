@@ -1,0 +1,58 @@
+"""Capacity over the logs of a battery from the estimates of its filter, and whether the logs show it.
+
+The estimate at the end of log k, N(m_k, P_k), settles over the first logs: its change is no ageing. Given all n logs,
+for a random walk with the variance Q_k between the ends of logs k and k + 1 (Rauch, Tung and Striebel, AIAA J. 3,
+1965):
+
+    C_k = P_k / (P_k + Q_k)
+    m_k|n = m_k + C_k (m_k+1|n - m_k),        P_k|n = P_k + C_k^2 (P_k+1|n - P_k - Q_k)
+
+and the covariance of the capacities at the ends of logs k and n is C_k C_k+1 ... C_n-1 P_n.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+
+#: Logs show the capacity if they have halved the variance that the battery file gives it; or it is known this well.
+_HALVED, _KNOWN_STD = math.sqrt(0.5), 0.05
+
+
+def shows_capacity(battery: Battery, std: float) -> bool:
+    """True where the capacity is known from more than the battery file; std: relative, after the logs."""
+    of_file = math.hypot(battery.noise.capacity_std, battery.sensor.gain_std)
+    return std <= max(_HALVED * of_file, _KNOWN_STD)
+
+
+class CapacityOverLogs(NamedTuple):
+    """Capacity over the battery file's at the end of each log, given all of them."""
+
+    mean: np.ndarray  #: (n,)
+    std: np.ndarray  #: (n,)
+    change: Normal  #: from the end of the first log to that of the last
+
+
+def capacity_over_logs(battery: Battery, time_s: ArrayLike, mean: ArrayLike, std: ArrayLike) -> CapacityOverLogs:
+    """The estimates of the filter at the ends of the n logs, each with what all logs show.
+
+    battery: for the random walk of its capacity.
+    time_s: (n,) ascending; mean, std: (n,) of the capacity over the battery file's, as the filter had it then.
+    """
+    m, P = np.array(mean, dtype=float), np.square(std)
+    span_s: Any = np.diff(time_s)
+    Q = np.asarray(battery.noise.capacity_walk_variance(span_s))
+    smooth_m, smooth_P = m.copy(), P.copy()
+    C = P[:-1] / (P[:-1] + Q)
+    for k in reversed(range(len(Q))):
+        smooth_m[k] = m[k] + C[k] * (smooth_m[k + 1] - m[k])
+        smooth_P[k] = P[k] + C[k] ** 2 * (smooth_P[k + 1] - P[k] - Q[k])
+    variance = smooth_P[0] + P[-1] - 2.0 * np.prod(C) * P[-1]
+    change = Normal(float(smooth_m[-1] - smooth_m[0]), math.sqrt(max(float(variance), 0.0)))
+    return CapacityOverLogs(smooth_m, np.sqrt(smooth_P), change)
