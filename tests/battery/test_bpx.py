@@ -1,4 +1,5 @@
 import json
+import re
 from copy import deepcopy
 from typing import Any
 
@@ -194,3 +195,16 @@ def test_the_command_writes_a_battery_file(tmp_path, monkeypatch, capsys):
     assert "curve and resistances are those of cell.json" in capsys.readouterr().out
     assert main(words) == 2
     assert "--capacity-ah is needed, as on the label, or --bpx" in capsys.readouterr().err
+
+
+def test_a_curve_of_another_chemistry_is_refused(tmp_path):
+    (tmp_path / "cell.json").write_text(json.dumps(CELL))
+    with pytest.raises(InputError, match=r"differs from that of lfp cells by 10 .*the curve fits nca or sodium-ion"):
+        battery_from_bpx(tmp_path / "cell.json", "LiFePO4")
+
+
+@pytest.mark.parametrize(("given", "origin"), [(None, r"that of the electrodes \(4 Ah nominal\)"), (8.0, "as given")])
+def test_the_origin_of_the_capacity_is_named(tmp_path, given, origin):
+    (tmp_path / "cell.json").write_text(json.dumps(CELL))
+    *_, capacity = battery_from_bpx(tmp_path / "cell.json", "nmc", capacity_Ah=given).not_identified
+    assert re.match(f"capacity: {origin}, assumed to be right within", capacity)

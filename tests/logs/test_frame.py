@@ -13,6 +13,7 @@ import pytest
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import DriveLog, Log, read_drive, read_log, write_log
 from ohmward.logs.frame import plain_array
+from ohmward.logs.log import as_logs
 
 pd = pytest.importorskip("pandas")
 
@@ -313,3 +314,11 @@ def test_a_time_in_short_floats_is_read(frame, kind):
     short = frame.iloc[:60].astype({"time_s": kind}).rename(columns={"time_s": "time"})
     log = read_log(short, current_sign="charge")
     np.testing.assert_array_equal(log.time_s, frame["time_s"][:60])
+
+
+def test_several_frames_are_told_apart_by_their_names():
+    rows = {"time_s": np.arange(9.0), "current_A": -np.arange(9.0), "voltage_V": 12.0 - 0.1 * np.arange(9.0)}
+    frames = [pd.DataFrame(rows) for _ in range(3)]
+    frames[1].attrs["name"] = "morning"
+    assert [log.name for log in as_logs(frames)] == ["DataFrame 1", "morning", "DataFrame 2"]
+    assert [log.name for log in as_logs(frames[:2])] == ["DataFrame", "morning"]

@@ -23,7 +23,7 @@ from __future__ import annotations
 import ast
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -32,7 +32,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import OCV_POINTS, generic_battery, start_noise
+from ohmward.battery.chemistries import (
+    CHEMISTRIES,
+    OCV_POINTS,
+    assumed_capacity,
+    chemistry_name,
+    curve_misfit,
+    generic_battery,
+    start_noise,
+)
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD
 from ohmward.battery.models.ocv import OcvCurve, monotone
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN, ROOM_DEGC
@@ -47,6 +55,9 @@ _RESISTANCE_POINTS, _END_DISTANCE = 21, 0.01
 _DX = 1e-3
 #: Relative difference of electrode and nominal capacity beyond which a file contradicts itself.
 _CAPACITY_OFF = 0.3
+#: Distance of the curve from that of the chemistry, in standard deviations of its cells, beyond which the chemistry is
+#: another one: NMC, NCA and LCO are up to 4 apart, LFP is 10 from them.
+_OTHER_CHEMISTRY = 5.0
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(np, name)
     for name in ("exp", "log", "sqrt", "sinh", "cosh", "tanh", "sin", "cos", "tan", "arctan", "abs")
@@ -95,7 +106,8 @@ def battery_from_bpx(
     label: name of the battery; by default the file's title.
 
     Raises:
-        InputError: the file cannot be read, is not a BPX file, or has blended electrodes, which are not supported.
+        InputError: the file cannot be read, is not a BPX file, is of another chemistry, or has blended electrodes,
+            which are not supported.
     """
     source = _Source(Path(path))
     cell = source.table("Parameterisation", "Cell")
@@ -113,6 +125,7 @@ def battery_from_bpx(
             "correct electrode area, number of pairs or stoichiometries"
         )
     one = _thevenin(source, cell_Ah, area_m2, reference_K, negative, positive)
+    _check_chemistry(source, chemistry_name(chemistry), one.ocv.voltage_V)
     generic = generic_battery(chemistry, capacity_Ah or cell_Ah, n_series, label or source.title)
     strings = generic.capacity_Ah / cell_Ah
     r0_ohm = tuple(r / strings for r in one.r0_discharge_ohm)
@@ -133,8 +146,21 @@ def battery_from_bpx(
         noise=replace(start_noise(generic.chemistry, n_series, ocv_known=True), resistance_std=AGED_RESISTANCE_STD),
         not_identified=(
             f"everything: curve and resistances are those of {source.path.name}, a cell of this type",
-            *generic.not_identified[1:2],
+            assumed_capacity("as given" if capacity_Ah else f"that of the electrodes ({nominal_Ah:g} Ah nominal)"),
         ),
+    )
+
+
+def _check_chemistry(source: _Source, chemistry: str, voltage_V: Sequence[float]) -> None:
+    """Raise InputError for a curve that is none of the chemistry; voltage_V: (M,) of the cell, along SoC."""
+    misfits = {name: curve_misfit(name, voltage_V) for name in CHEMISTRIES}
+    if not misfits.get(chemistry, 0.0) > _OTHER_CHEMISTRY:
+        return
+    fitting = sorted((name for name, misfit in misfits.items() if misfit <= _OTHER_CHEMISTRY), key=misfits.__getitem__)
+    advice = f"; the curve fits {' or '.join(fitting)}" if fitting else ""
+    raise InputError(
+        f"BPX file {source.path}: its open-circuit voltage differs from that of {chemistry} cells by "
+        f"{misfits[chemistry]:.0f} of their standard deviations; correct the chemistry{advice}"
     )
 
 

@@ -7,6 +7,7 @@ them; an identified battery is always better.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -475,11 +476,29 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",
-            f"capacity: as given, assumed to be right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)",
+            assumed_capacity("as given"),
             f"resistances: assumed to be right within a factor of {np.exp(BAND_95 * _LABEL_RESISTANCE_STD):.1f} "
             "(95 %); the filter carries them as states",
         ),
     )
+
+
+def assumed_capacity(origin: str) -> str:
+    """Sentence on a capacity that no test has shown; origin: where it is from."""
+    return f"capacity: {origin}, assumed to be right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)"
+
+
+def curve_misfit(name: str, voltage_V: Sequence[float]) -> float:
+    """Distance of a cell's curve from that of a chemistry, between 10 and 90 % of charge: RMS over its std.
+
+    voltage_V: (M,) [V] of one cell on a uniform grid of SoC from 0 to 1.
+    """
+    soc, c = np.linspace(0.1, 0.9, OCV_POINTS), chemistry(name)
+    std_V = c.prior.curve.std_V
+    given_V = np.interp(soc, np.linspace(0.0, 1.0, len(voltage_V)), voltage_V)
+    usual_V = np.interp(soc, c.soc, c.ocv_V)
+    usual_std_V = np.interp(soc, np.linspace(0.0, 1.0, len(std_V)), std_V)
+    return float(np.sqrt(np.mean(((given_V - usual_V) / usual_std_V) ** 2)))
 
 
 def start_noise(name: str = "", n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:

@@ -18,6 +18,9 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Progress, Table, TableFile, parsing, require_unique, row_numbers
 from ohmward.optional import require
 
+#: Name of a DataFrame without one in its `attrs`.
+UNNAMED = "DataFrame"
+
 
 def plain_array(values: Any) -> np.ndarray:
     """The values as numbers (int or float), datetime64[ns] in UTC, timedelta64[ns] or text (dtype object).
@@ -168,8 +171,8 @@ def _open_stream(source: Any) -> TableFile:
             f"the {type(source).__name__} gives no columns of Arrow ({error}); give one of pandas"
         ) from error
     names = [str(name) for name in table.column_names]
-    require_unique("DataFrame", names)
-    return _table_file("DataFrame", table.num_rows, names, lambda at: values_of(table.column(at).combine_chunks()))
+    require_unique(UNNAMED, names)
+    return _table_file(UNNAMED, table.num_rows, names, lambda at: values_of(table.column(at).combine_chunks()))
 
 
 def _table_file(
@@ -190,10 +193,10 @@ def _open_pandas(frame: Any) -> TableFile:
     if frame.columns.nlevels > 1 or frame.index.nlevels > 1:
         raise InputError("the DataFrame has several levels of columns or index; flatten them, as with reset_index()")
     names = [str(name) for name in frame.columns]
-    require_unique("DataFrame", names)
+    require_unique(UNNAMED, names)
     index, time = _index(frame, names)
     columns = [*index.values(), *(frame.iloc[:, at] for at in range(len(names)))]
-    source = str(frame.attrs.get("name", "DataFrame"))
+    source = str(frame.attrs.get("name", UNNAMED))
     return _table_file(source, len(frame), [*index, *names], lambda at: plain_array(columns[at]), time)
 
 

@@ -31,7 +31,7 @@ from ohmward.logs.columns import (
     is_bdf,
     require_bdf_columns,
 )
-from ohmward.logs.frame import is_frame, to_frame
+from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
@@ -289,10 +289,16 @@ def as_log(source: LogSource) -> Log:
 
 
 def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
-    """The logs of one source or of several; see `as_log`."""
+    """The logs of one source or of several, see `as_log`; several DataFrames without a name are numbered from 1."""
     if isinstance(sources, Log | str | PathLike) or is_frame(sources) or not isinstance(sources, Iterable):
         return (as_log(sources),)
-    return tuple(map(as_log, sources))
+    sources = list(sources)
+    logs = list(map(as_log, sources))
+    unnamed = [k for k, source in enumerate(sources) if is_frame(source) and logs[k].name == UNNAMED]
+    if len(unnamed) > 1:
+        for number, k in enumerate(unnamed, start=1):
+            logs[k] = replace(logs[k], name=f"{UNNAMED} {number}")
+    return tuple(logs)
 
 
 def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:

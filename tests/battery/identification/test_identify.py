@@ -272,8 +272,12 @@ def test_low_rate_branches_tell_the_hysteresis_of_iron_phosphate():
     assert battery.noise.hysteresis_std == pytest.approx(0.15)
 
 
-def test_the_initial_soc_of_one_log_needs_no_name(pulses):
+def test_one_initial_soc_is_that_of_every_log(pulses):
     with pytest.raises(InputError, match="initial_soc of 'pulses' must be between 0 and 1"):
         identify(pulses, capacity_Ah=2.0, initial_soc=80.0)
-    with pytest.raises(InputError, match="initial_soc of 2 logs must be by their names"):
-        identify([pulses, pulses], capacity_Ah=2.0, initial_soc=1.0)
+    others = [replace(pulses, name=name) for name in ("first", "second")]
+    one, each = (
+        identify(others, capacity_Ah=2.0, model="thevenin-1rc", initial_soc=start)
+        for start in (1.0, {"first": 1.0, "second": 1.0})
+    )
+    assert one.thevenin == each.thevenin

@@ -134,7 +134,8 @@ def identify(
     capacity_Ah: charge between full and empty, > 0.
     model: one of MODELS.
     chemistry, n_series, name: for the battery file; the chemistry also gives start values where the logs give none.
-    initial_soc: state of charge at the start of the log, or of several by name, where the logs do not show it.
+    initial_soc: state of charge at the start of every log, or by the names of the logs, where they do not show it. A
+        DataFrame is called `frame.attrs["name"]`, else "DataFrame", several "DataFrame 1", "DataFrame 2", ...
     idle_current_A: current of the battery at rest, <= 0, if known; None looks for rests around 0 A and declares
         nothing to the estimators.
     ocv: the open-circuit voltage, if known: an OcvCurve, or a table as `load_ocv` reads it. Then no low-rate test is
@@ -146,8 +147,6 @@ def identify(
     """
     logs = as_logs(logs)
     if initial_soc is not None and not isinstance(initial_soc, Mapping):
-        if len(logs) > 1:
-            raise InputError(f"initial_soc of {len(logs)} logs must be by their names: {{{logs[0].name!r}: 0.9}}")
         initial_soc = {log.name: initial_soc for log in logs}
     settings = IdentificationSettings(
         capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A, ocv
