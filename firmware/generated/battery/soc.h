@@ -21,8 +21,8 @@ extern "C" {
 #define SOC_MISFIT 2048 /* an offset or a capacity that sensor and battery cannot have: another battery's file? */
 
 typedef struct {
-    float belief_mean[3]; /* (n,) */
-    float belief_lower[6]; /* (n (n + 1) / 2,), the lower triangle of the covariance, row by row */
+    float belief_mean[3]; /* mean of the states, in the order of the model */
+    float belief_lower[6]; /* lower triangle of the covariance, row by row */
     float current_A; /* of the sample before */
 } soc_state;
 
@@ -34,18 +34,18 @@ typedef struct {
 } soc_sample;
 
 typedef struct {
-    float soc; /* state of charge in [0, 1] and its standard deviation */
-    float soc_std; /* state of charge in [0, 1] and its standard deviation */
-    float voltage_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
-    float voltage_std_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
+    float soc; /* state of charge in [0, 1] */
+    float soc_std; /* standard deviation of the state of charge */
+    float voltage_V; /* terminal voltage [V] expected before the measurement */
+    float voltage_std_V; /* standard deviation of the expected voltage [V] */
     float innovation_V; /* measured minus expected voltage [V]; nan when the voltage was not used */
-    float current_offset_A; /* current sensor's reading at zero current [A], and its standard deviation */
-    float current_offset_std_A; /* current sensor's reading at zero current [A], and its standard deviation */
-    float soh_capacity; /* capacity over the battery file's, and its standard deviation */
-    float soh_capacity_std; /* capacity over the battery file's, and its standard deviation */
-    float resistance_ratio; /* resistance over the battery file's, and its standard deviation */
-    float resistance_ratio_std; /* resistance over the battery file's, and its standard deviation */
-    float flags; /* sum of `SocFlag` values; 0 is a sample without incident */
+    float current_offset_A; /* current sensor's reading at zero current [A] */
+    float current_offset_std_A; /* standard deviation of that reading [A] */
+    float soh_capacity; /* capacity over the battery file's */
+    float soh_capacity_std; /* standard deviation of the capacity over the battery file's */
+    float resistance_ratio; /* resistance over the battery file's */
+    float resistance_ratio_std; /* standard deviation of the resistance over the battery file's */
+    float flags; /* sum of SOC_... values; 0 is a sample without incident */
 } soc_output;
 
 /* The state before the first sample; then give that sample to the step. `soc` and `soc_std` are the state of

@@ -15,8 +15,8 @@ extern "C" {
 #define SLIP_BAD_COMMAND 32 /* the command is not a number or out of its range: torque goes to zero */
 
 typedef struct {
-    float estimate_wheel_speed_rad_s; /* last usable ones, the travel speed predicted to now */
-    float estimate_travel_speed_m_s; /* last usable ones, the travel speed predicted to now */
+    float estimate_wheel_speed_rad_s; /* last usable one */
+    float estimate_travel_speed_m_s; /* last usable one, predicted to now */
     float estimate_force_N; /* of the ground along x */
     float estimate_acceleration_m_s2; /* of the wheel's centre */
     float estimate_known; /* 1 where the last measurement was usable, else 0 */
@@ -41,12 +41,12 @@ typedef struct {
 
 typedef struct {
     float torque_Nm; /* to hold until the next step [N m] */
-    float report_slip_ratio; /* driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR` */
+    float report_slip_ratio; /* driving > 0 and braking < 0; nan below a floor of speed */
     float report_slip_target; /* slip ratio that is held now, or the bound */
-    float report_surface_m_s; /* distance from it as a slip speed, > 0 if slip is too large; see `surface` */
+    float report_surface_m_s; /* distance from the target as a slip speed, > 0 if slip is too large */
     float report_force_N; /* of the ground on the wheel, along x, as estimated */
     float report_demanded_Nm; /* torque without limits */
-    float report_flags; /* sum of `ControlFlag` */
+    float report_flags; /* sum of SLIP_... values */
 } slip_output;
 
 /* The state before the first sample; then give that sample to the step. */

@@ -101,12 +101,10 @@ class JointEstimate(NamedTuple):
     c_surface_std: Scalar
     r_std: Scalar
     r_terminal_std: Scalar
-    #: voltages of the capacitors
-    bulk_V: Scalar
-    surface_V: Scalar
-    #: terminal voltage expected before the measurement, and its standard deviation
-    voltage_V: Scalar
-    voltage_std_V: Scalar
+    bulk_V: Scalar  #: voltage of the bulk capacitor
+    surface_V: Scalar  #: voltage of the surface capacitor
+    voltage_V: Scalar  #: terminal voltage expected before the measurement
+    voltage_std_V: Scalar  #: standard deviation of that voltage
     innovation_V: Scalar  #: measured minus expected voltage; nan when there was none
     flags: Scalar  #: sum of `SocFlag`
 

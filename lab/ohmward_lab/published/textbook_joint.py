@@ -56,14 +56,12 @@ class TextbookJointState(NamedTuple):
 class TextbookJointEstimate(NamedTuple):
     """Estimate after a sample."""
 
-    #: capacitances C_b, C_s [F]
-    c_bulk_F: Any
-    c_surface_F: Any
+    c_bulk_F: Any  #: capacitance C_b [F]
+    c_surface_F: Any  #: capacitance C_s [F]
     r_ohm: Any  #: R_e, in front of each capacitor [ohm]
     r_terminal_ohm: Any  #: R_t, R_0 less R_e / 2 [ohm]
-    #: voltages of the capacitors
-    bulk_V: Any
-    surface_V: Any
+    bulk_V: Any  #: voltage of the bulk capacitor
+    surface_V: Any  #: voltage of the surface capacitor
     innovation_V: Any  #: measured minus expected voltage; nan when there was none
 
 

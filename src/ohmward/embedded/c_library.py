@@ -186,6 +186,8 @@ def _comments(export: Export) -> dict[str, str]:
     found = {f"flags.{word}": text for word, text in flag_comments(export.flags).items()}
     for struct, structure in export.step.step_structure._asdict().items():
         found |= {f"{struct}.{member}": text for member, text in member_comments(structure).items()}
+    sum_of_flags, of_c = f"`{export.flags.__name__}`", f"{export.name.upper()}_..."
+    found = {member: text.replace(sum_of_flags, of_c) for member, text in found.items()}
     return found | {"start": f" {export.start_note}" if export.start_note else ""}
 
 

@@ -25,16 +25,19 @@ _ITEM = re.compile(r"^( *)((?:\w+)(?:, \w+)*): +(.*)$")
 _FIELD = re.compile(r"^    (\w+): (?:[^#]*[^#\s])?(?: +#: +(.*))?$")
 _ABOVE = "    #: "
 
+#: Shape of an array at the beginning of a text, which C shows by itself: `(driven,)`, `(n (n + 1) / 2,)`.
+_SHAPE = re.compile(r"^\((?:[^()]|\([^()]*\))*,(?:[^()]|\([^()]*\))*\)(?:, *| +|$)")
+
 _FLAG = re.compile(r"^ +([A-Z_]+) = \d+ +#:? +(.*)$", re.MULTILINE)
 
 
 def member_comments(structure: Structure) -> dict[str, str]:
-    """Member of the C struct -> text, of all NamedTuples in a tree."""
+    """Member of the C struct -> text without its shape, of all NamedTuples in a tree."""
     found: dict[str, str] = {}
     if isinstance(structure, Branch):
         own = field_comments(structure.type) if hasattr(structure.type, "_fields") else {}
         for field, child in zip(structure.fields, structure.children, strict=True):
-            found |= {field: own[field]} if field in own and isinstance(child, Leaf) else {}
+            found |= {field: _SHAPE.sub("", own[field])} if field in own and isinstance(child, Leaf) else {}
             found |= {f"{field}_{member}": text for member, text in member_comments(child).items()}
     return found
 

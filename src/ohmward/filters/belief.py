@@ -26,8 +26,8 @@ class Belief(NamedTuple):
 class PackedBelief(NamedTuple):
     """A belief as it is stored: symmetric by construction, no element twice."""
 
-    mean: np.ndarray  #: (n,)
-    lower: np.ndarray  #: (n (n + 1) / 2,), the lower triangle of the covariance, row by row
+    mean: np.ndarray  #: (n,) mean of the states, in the order of the model
+    lower: np.ndarray  #: (n (n + 1) / 2,) lower triangle of the covariance, row by row
 
 
 class Innovation(NamedTuple):

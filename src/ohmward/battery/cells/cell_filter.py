@@ -161,9 +161,8 @@ class CellState(NamedTuple):
     belief: PackedBelief  #: mean as `Differences`, and lower triangle of the covariance
     pair_V: np.ndarray  #: (n,) RC voltages of a pack of typical cells with the resistances of the battery file
     soc: Scalar  #: of the typical cell
-    #: last credible values
-    current_A: Scalar
-    temperature_degC: Scalar
+    current_A: Scalar  #: last credible current
+    temperature_degC: Scalar  #: last credible temperature
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known
 

@@ -39,12 +39,10 @@ TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
 class Circuit(NamedTuple):
     """The five elements of the circuit, floats or traced scalars; the parameters `p` of every function here."""
 
-    #: capacitances C_b, C_s [F]
-    c_bulk_F: Any
-    c_surface_F: Any
-    #: resistances R_b, R_s in front of them [ohm]
-    r_bulk_ohm: Any
-    r_surface_ohm: Any
+    c_bulk_F: Any  #: capacitance C_b [F]
+    c_surface_F: Any  #: capacitance C_s [F]
+    r_bulk_ohm: Any  #: resistance R_b in front of C_b [ohm]
+    r_surface_ohm: Any  #: resistance R_s in front of C_s [ohm]
     r_terminal_ohm: Any  #: resistance R_t in front of both [ohm]
 
 

@@ -98,10 +98,11 @@ GASSING_LIMITS = AnchorLimits(0.03, 1800.0, 0.03, 0.05, 600.0, 600.0)
 class TopMemory(NamedTuple):
     """Memory of a charge that reaches the steep end of a flat curve, plain numbers."""
 
-    #: means of the voltage without its drop, and of the current, over the last `_RISE_SOC` of charge; 0 at the start
+    #: mean of the voltage without its ohmic drop over the last few per cent of charge, 0 at the start
     usual_V: Any = 0.0
-    usual_A: Any = 0.0
-    high_s: Any = 0.0  #: time for which the voltage has been above that, samples without a voltage left out
+    usual_A: Any = 0.0  #: mean of the current over the same charge, 0 at the start
+    #: time for which the voltage has been above its mean, samples without a voltage left out
+    high_s: Any = 0.0
     #: charge taken out since this event last occurred, over the capacity, at most 1
     discharged: Any = 1.0
 
@@ -109,19 +110,20 @@ class TopMemory(NamedTuple):
 class AnchorMemory(NamedTuple):
     """Memory between two samples, plain numbers."""
 
-    limit_V: Any = 0.0  #: voltage at which it began to stand still
-    held_s: Any = 0.0  #: time since then
-    peak_A: Any = 0.0  #: largest charging current since then
-    #: charge taken out since the last full charge, put in since the last cut-off, over the capacity, at most 1
+    limit_V: Any = 0.0  #: voltage at which the voltage of a charge began to stand still
+    held_s: Any = 0.0  #: time for which the voltage has stood still
+    peak_A: Any = 0.0  #: largest charging current while the voltage stood still
+    #: charge taken out since the last full charge, over the capacity, at most 1
     discharged: Any = 1.0
+    #: charge put in since the last cut-off, over the capacity, at most 1
     charged: Any = 1.0
     load_A: Any = 0.0  #: current of the sample before where it was a load, else 0
     #: strongest load, fading with the slowest RC pair: what it left in the pairs must not pass for an empty battery
     peak_load_A: Any = 0.0
-    low_s: Any = 0.0  #: time for which its voltage has been that of a cut-off, less the time for which it has not
-    #: state of charge of that cut-off, and its standard deviation
-    low_soc: Any = 0.0
-    low_std: Any = 1.0
+    #: time for which the voltage of a load has been that of a cut-off, less the time for which it has not
+    low_s: Any = 0.0
+    low_soc: Any = 0.0  #: state of charge of that cut-off
+    low_std: Any = 1.0  #: standard deviation of that state of charge
     #: memory of a charge on a flat curve
     top: TopMemory = TopMemory()
 

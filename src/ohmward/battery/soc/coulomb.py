@@ -51,9 +51,8 @@ class CoulombState(NamedTuple):
     white_variance: Any  #: variance of the errors that accumulate at random: start, sensor noise, gaps
     moved: Any  #: net change of SoC since the start; a gain error multiplies it
     elapsed_s: Any  #: time since the start; an offset multiplies it
-    #: last credible values
-    current_A: Any
-    temperature_degC: Any
+    current_A: Any  #: last credible current
+    temperature_degC: Any  #: last credible temperature
     unknown_s: Any  #: time for which the current has not been known
 
 

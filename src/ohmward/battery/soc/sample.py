@@ -35,12 +35,17 @@ class SocEstimate(NamedTuple):
     >>> 0 <= estimate.soc <= 1, estimate.soc_std > 0
     (True, True)
 
-    soc, soc_std: state of charge in [0, 1] and its standard deviation.
-    voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and its standard deviation.
+    soc: state of charge in [0, 1].
+    soc_std: standard deviation of the state of charge.
+    voltage_V: terminal voltage [V] expected before the measurement.
+    voltage_std_V: standard deviation of the expected voltage [V].
     innovation_V: measured minus expected voltage [V]; nan when the voltage was not used.
-    current_offset_A, current_offset_std_A: current sensor's reading at zero current [A], and its standard deviation.
-    soh_capacity, soh_capacity_std: capacity over the battery file's, and its standard deviation.
-    resistance_ratio, resistance_ratio_std: resistance over the battery file's, and its standard deviation.
+    current_offset_A: current sensor's reading at zero current [A].
+    current_offset_std_A: standard deviation of that reading [A].
+    soh_capacity: capacity over the battery file's.
+    soh_capacity_std: standard deviation of the capacity over the battery file's.
+    resistance_ratio: resistance over the battery file's.
+    resistance_ratio_std: standard deviation of the resistance over the battery file's.
     flags: sum of `SocFlag` values; 0 is a sample without incident.
     """
 

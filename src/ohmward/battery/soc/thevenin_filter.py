@@ -58,9 +58,8 @@ class FilterState(NamedTuple):
 
     belief: PackedBelief  #: mean, as `TheveninFilter.state_names`, and lower triangle of the covariance
     noise: adaptive.NoiseEstimate  #: moments for covariance matching [V^2]
-    #: last credible values
-    current_A: Scalar
-    temperature_degC: Scalar
+    current_A: Scalar  #: last credible current
+    temperature_degC: Scalar  #: last credible temperature
     rest_s: Scalar  #: time for which the current has looked like rest
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known

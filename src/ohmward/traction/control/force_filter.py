@@ -33,9 +33,8 @@ SHORTEST_CONTROL_STEP_S = 1e-9
 class WheelEstimate(NamedTuple):
     """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change."""
 
-    #: last usable ones, the travel speed predicted to now
-    wheel_speed_rad_s: Any
-    travel_speed_m_s: Any
+    wheel_speed_rad_s: Any  #:  last usable one
+    travel_speed_m_s: Any  #:   last usable one, predicted to now
     force_N: Any  #:          of the ground along x
     acceleration_m_s2: Any  #: of the wheel's centre
     known: Any  #:            1 where the last measurement was usable, else 0

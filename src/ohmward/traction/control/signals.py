@@ -108,9 +108,9 @@ class SpeedCommand(NamedTuple):
 class Report(NamedTuple):
     """Slip, force and torque of a step, with flags."""
 
-    slip_ratio: Any  #:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`
+    slip_ratio: Any  #:  driving > 0 and braking < 0; nan below a floor of speed
     slip_target: Any  #: slip ratio that is held now, or the bound
-    surface_m_s: Any  #: distance from it as a slip speed, > 0 if slip is too large; see `surface`
+    surface_m_s: Any  #: distance from the target as a slip speed, > 0 if slip is too large
     force_N: Any  #:     of the ground on the wheel, along x, as estimated
     demanded_Nm: Any  #: torque without limits
-    flags: Any  #:       sum of `ControlFlag`
+    flags: Any  #:       sum of `ControlFlag` values

@@ -51,13 +51,12 @@ RIMS_SPAN_S = 0.6
 class SpeedErrors(NamedTuple):
     """Rims and errors of outside speeds from sample to sample."""
 
-    #: (2,) least and greatest speed of the rims [m/s] in the running span of `RIMS_SPAN_S` and the one before
+    #: (2,) least speed of the rims [m/s] in the running span and in the one before
     low_m_s: np.ndarray = np.full(2, FASTEST_M_S)
-    high_m_s: np.ndarray = np.full(2, -FASTEST_M_S)
+    high_m_s: np.ndarray = np.full(2, -FASTEST_M_S)  #: (2,) greatest speed of the rims [m/s], likewise
     span_s: Any = 0.0  #: since the running span began
-    #: (2,) the last errors, newest first, and the roots of D_1 and D_2, all over the standard deviation as given
-    errors: np.ndarray = np.zeros(2)
-    differences: np.ndarray = np.ones(2)
+    errors: np.ndarray = np.zeros(2)  #: (2,) the last errors, newest first, over the standard deviation as given
+    differences: np.ndarray = np.ones(2)  #: (2,) roots of D_1 and D_2, over the standard deviation as given
     count: Any = 0.0  #: number of differences in these
 
 
@@ -160,8 +159,8 @@ class Held(NamedTuple):
     the state stays.
     """
 
-    probability: Any = 0.0  #: that it is held
-    slides: Any = 0.0  #: that it slides
+    probability: Any = 0.0  #: that the robot is held
+    slides: Any = 0.0  #: that the robot slides
 
 
 def weigh_held(before: Held, y: OutsideSpeed, rim_m_s: Any, dt_s: Scalar, changed_m_s: Scalar = 0.0) -> Held:

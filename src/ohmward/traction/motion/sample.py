@@ -40,11 +40,9 @@ class RobotSample(NamedTuple):
     yaw_rate_rad_s: Any = math.nan  #: from a gyro, the mean over the step, > 0 to the left
     acceleration_m_s2: Any = math.nan  #: from an accelerometer along x, gravity included: at rest g sin(pitch)
     pitch_rad: Any = math.nan  #: from an attitude filter, > 0 with the nose up
-    #: forward, from GNSS, visual or lidar odometry, optical flow; its standard deviation if the source gives one, and
-    #: its age
-    speed_m_s: Any = math.nan
-    speed_std_m_s: Any = math.nan
-    speed_age_s: Any = 0.0
+    speed_m_s: Any = math.nan  #: forward, from GNSS, visual or lidar odometry, optical flow
+    speed_std_m_s: Any = math.nan  #: standard deviation of that speed, if the source gives one
+    speed_age_s: Any = 0.0  #: age of that speed
 
 
 def no_sample(robot: Robot) -> RobotSample:
@@ -89,7 +87,7 @@ class History(NamedTuple):
     """The last steps, newest first."""
 
     dt_s: np.ndarray  #: (steps,) length of each
-    change_m_s: np.ndarray  #: (steps,) predicted change of the speed in it
+    change_m_s: np.ndarray  #: (steps,) predicted change of the speed in each
 
 
 def empty_history(steps: int) -> History:
@@ -144,7 +142,7 @@ FIRST_INTERVAL_S = 0.25
 class Intervals(NamedTuple):
     """Clocks of channels, each (channels,)."""
 
-    age_s: np.ndarray  #: time since the last value; `NEVER_S` and more before the first
+    age_s: np.ndarray  #: time since the last value, very long before the first
     usual_s: np.ndarray  #: usual time between two values; 0 before the second
 
 

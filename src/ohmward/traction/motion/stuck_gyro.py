@@ -45,13 +45,12 @@ class GyroWatch(NamedTuple):
     """State from sample to sample."""
 
     last_rad_s: Any = NO_RATE  #: last value of the gyro
-    repeated: Any = 0.0  #: number of times that it has been repeated
+    repeated: Any = 0.0  #: number of times that this value has been repeated
     varied: Any = 0.0  #: number of times since its last change that the turn by the wheels has changed
     apart_s: Any = 0.0  #: time since then in which the wheels have turned the robot by another rate
-    #: yaw rate by the wheels: the last one, its average, and that at the gyro's last change
-    turn_rad_s: Any = NO_RATE
-    average_rad_s: Any = 0.0
-    then_rad_s: Any = 0.0
+    turn_rad_s: Any = NO_RATE  #: last yaw rate by the wheels
+    average_rad_s: Any = 0.0  #: average of the yaw rate by the wheels
+    then_rad_s: Any = 0.0  #: yaw rate by the wheels at the gyro's last change
     wheel_age_s: Any = 0.0  #: time since their last value
     #: since the gyro's last change
     time_s: Any = 0.0

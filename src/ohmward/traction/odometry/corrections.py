@@ -98,9 +98,8 @@ class TurnSums(NamedTuple):
     """Sums over the time since gyro and wheels were last compared."""
 
     time_s: Any = 0.0  #: time
-    #: measured angles
-    wheels_rad: Any = 0.0
-    gyro_rad: Any = 0.0
+    wheels_rad: Any = 0.0  #: turn by the wheels
+    gyro_rad: Any = 0.0  #: turn by the gyro
     rim_m: Any = 0.0  #: distance covered by the rims, in any direction
     gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
     start_rad_s: Any = 0.0  #: yaw rate of the gyro at the start
@@ -119,7 +118,7 @@ class Overrun(NamedTuple):
     """Distance of the pose beyond that of the outside speeds; zero if the last one is older than `OVERRUN_S`."""
 
     last_m_s: Any = 0.0  #: the last outside speed
-    age_s: Any = NEVER_S  #: time since it
+    age_s: Any = NEVER_S  #: time since the last outside speed
     way_m: Any = 0.0  #: distance of the pose less that of the outside speeds, each held to the next
 
 

@@ -76,10 +76,9 @@ class CountOfEncoder(NamedTuple):
 class MotionState(NamedTuple):
     """The last values of the sensors and their clocks."""
 
-    #: (driven,), and the age of each
-    wheel_speed_rad_s: np.ndarray
-    wheel_age_s: np.ndarray
-    passive_rad_s: np.ndarray  #: (passive,)
+    wheel_speed_rad_s: np.ndarray  #: (driven,) last speed of each wheel
+    wheel_age_s: np.ndarray  #: (driven,) age of that speed
+    passive_rad_s: np.ndarray  #: (passive,) last speed of each wheel that is not driven
     gyro_rad_s: Any  #: yaw rate of the gyro
     modes: ModeState  #: which wheels roll
     outside: SpeedErrors  #: rims, and errors of outside speeds
@@ -88,7 +87,7 @@ class MotionState(NamedTuple):
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
     encoder: CountOfEncoder  #: count, as far as the steps have shown it
-    usual_turn_rad_s: Any  #: yaw rate by the driven wheels, averaged over `USUAL_TURN_S`
+    usual_turn_rad_s: Any  #: recent average of the yaw rate by the driven wheels
     observed: Observed  #: of the speed observer
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
@@ -437,7 +436,7 @@ class GyroNoise(NamedTuple):
     """
 
     variance: Any  #: of the angle over time [rad2/s]
-    samples: Any  #: number that it is based on
+    samples: Any  #: number of samples behind the variance
     last_rad_s: np.ndarray  #: (3,) previous samples, newest first
     since_s: Any  #: time since the newest
     in_row: Any  #: number of them without a pause

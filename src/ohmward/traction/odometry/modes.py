@@ -64,8 +64,8 @@ LOOSE_SIGMAS = 4.0
 class ModeState(NamedTuple):
     """State from step to step."""
 
-    probability: np.ndarray  #: (modes,) all roll, then each of `slip_modes`
-    forward_m_s: np.ndarray  #: (driven,) as each wheel showed it, averaged over `BEFORE_S`
+    probability: np.ndarray  #: (modes,) of all wheels rolling, then of each mode of slip
+    forward_m_s: np.ndarray  #: (driven,) recent average of the forward speed as each wheel showed it
     turn_rad_s: Any = 0.0  #: yaw rate of the gyro at the wheels' last value
     followed_m_s: Any = 0.0  #: forward speed, changed no faster than friction can
 

@@ -17,10 +17,9 @@ class Observed(NamedTuple):
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan
     left_m_s: Any = math.nan  #: speed to the left
-    #: used where there is no gyro
-    yaw_rate_rad_s: Any = math.nan
-    yaw_rate_std_rad_s: Any = math.nan
-    #: share of `OdometryNoise.radius_std` left after its estimate; 1 if it does not estimate the radius
+    yaw_rate_rad_s: Any = math.nan  #: yaw rate, used where there is no gyro
+    yaw_rate_std_rad_s: Any = math.nan  #: standard deviation of that yaw rate
+    #: share of the standard deviation of the radius that the observer's estimate leaves; 1 where it has none
     scale: Any = 1.0
     grip: Any = 1.0  #: lowest grip of the driven wheels, 0 to 1; spinning wheels do not measure a turn
 
@@ -29,13 +28,12 @@ class OdometrySample(NamedTuple):
     """One sample of the robot's sensors, of other sources of its motion, and of a speed observer."""
 
     robot: RobotSample
-    #: outside speed to the left and its standard deviation, with the age of the forward one
-    speed_left_m_s: Any = math.nan
-    speed_left_std_m_s: Any = math.nan
-    #: from a compass or two GNSS antennas, > 0 to the left; its zero is arbitrary and estimated, and full turns may be
-    #: counted or not; and its standard deviation if the source gives one
+    speed_left_m_s: Any = math.nan  #: outside speed to the left, with the age of the forward one
+    speed_left_std_m_s: Any = math.nan  #: standard deviation of that speed
+    #: from a compass or two GNSS antennas, > 0 to the left; the zero is arbitrary and estimated, and full turns may be
+    #: counted or not
     heading_rad: Any = math.nan
-    heading_std_rad: Any = math.nan
+    heading_std_rad: Any = math.nan  #: standard deviation of the heading, if the source gives one
     #: (3,) change of the pose [m, m, rad] from visual or lidar odometry: forward and left in the frame of its start,
     #: and the turn
     increment: np.ndarray = np.full(3, math.nan)
@@ -53,27 +51,22 @@ class OdometrySample(NamedTuple):
 class OdometryEstimate(NamedTuple):
     """Estimate after a sample."""
 
-    #: of the robot's centre of gravity in the frame `odom`: where it was at first, x forward, y to the left
-    x_m: Any
-    y_m: Any
+    x_m: Any  #: of the robot's centre of gravity in the frame `odom`: forward from where the robot was at first
+    y_m: Any  #: the same to the left
     yaw_rad: Any  #: > 0 to the left; full turns are counted
     pose_cov: np.ndarray  #: (3, 3) covariance of x, y and yaw in that frame [m2, m rad, rad2]
     position_std_m: Any  #: largest standard deviation of the position in any direction
-    #: twist in the frame of the robot, forward and to the left
-    speed_m_s: Any
-    speed_left_m_s: Any
-    yaw_rate_rad_s: Any
+    speed_m_s: Any  #: forward, in the frame of the robot
+    speed_left_m_s: Any  #: to the left, in the frame of the robot
+    yaw_rate_rad_s: Any  #: yaw rate, > 0 to the left
     twist_cov: np.ndarray  #: (3, 3) covariance of the twist
     distance_m: Any  #: length of the path
-    #: of the gyro at rest
-    gyro_offset_rad_s: Any
-    gyro_offset_std_rad_s: Any
-    #: effective radius of the wheels over the robot's; the std is relative
-    radius_ratio: Any
-    radius_std: Any
-    #: (driven,) slip speed r omega - v of each wheel's centre, and its standard deviation [m/s]
-    slip_speed_m_s: np.ndarray
-    slip_speed_std_m_s: np.ndarray
+    gyro_offset_rad_s: Any  #: reading of the gyro at rest
+    gyro_offset_std_rad_s: Any  #: standard deviation of that reading
+    radius_ratio: Any  #: effective radius of the wheels over the robot's
+    radius_std: Any  #: relative standard deviation of that ratio
+    slip_speed_m_s: np.ndarray  #: (driven,) slip speed r omega - v of each wheel's centre [m/s]
+    slip_speed_std_m_s: np.ndarray  #: (driven,) standard deviation of the slip speed [m/s]
     #: (driven,) probability that each wheel slips while others roll; 0 without a gyro, or if wheels roll sideways
     slip_probability: np.ndarray
     stuck_probability: Any  #: that the robot is held while its driven wheels turn, by an outside speed

@@ -40,20 +40,26 @@ class SlipEstimate(NamedTuple):
     >>> estimate.slip_speed_m_s.shape
     (2,)
 
-    speed_m_s, speed_std_m_s: of the body, forward.
-    yaw_rate_rad_s, yaw_rate_std_rad_s: > 0 to the left.
-    wheel_speed_rad_s: (driven,).
-    slip_speed_m_s, slip_speed_std_m_s: (driven,) r omega - v of the wheel's centre.
+    speed_m_s: of the body, forward.
+    speed_std_m_s: standard deviation of that speed.
+    yaw_rate_rad_s: > 0 to the left.
+    yaw_rate_std_rad_s: standard deviation of the yaw rate.
+    wheel_speed_rad_s: (driven,) speed of each wheel.
+    slip_speed_m_s: (driven,) r omega - v of the wheel's centre.
+    slip_speed_std_m_s: (driven,) standard deviation of the slip speed.
     slip_ratio: (driven,) nan below a floor of speed.
     traction_N: (driven,) force of the ground.
-    friction_ratio, friction_std: (driven,) largest traction over the terrain's; the std is relative.
-    grade_rad, grade_std_rad: > 0 uphill.
-    radius_ratio, radius_std: effective radius over the robot's.
+    friction_ratio: (driven,) largest traction over the terrain's.
+    friction_std: (driven,) relative standard deviation of that ratio.
+    grade_rad: > 0 uphill.
+    grade_std_rad: standard deviation of the grade.
+    radius_ratio: effective radius over the robot's.
+    radius_std: standard deviation of that ratio.
     grip: (driven,) slope of traction over slip, one sigma of slip beyond the estimate, over the slope without slip:
         1 grips, 0 spins. The wheels measure the speed of the body only as far as they grip.
     unobserved_s: time since the speed of the body was last observed: no wheel gripped, no passive wheel turned, no
         external speed came. The speed is then dead reckoning from the forces, and `speed_std_m_s` grows.
-    slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipAlarm`, else 0.
+    slipping: (driven,) 1 where the slip is beyond the allowed one, else 0.
     immobilised: 1 where the wheels turn and the robot does not, else 0.
     flags: sum of `SlipFlag` values; 0 is a sample without incident.
     """
@@ -93,9 +99,9 @@ class SlipFlag(SampleFlag):
     NO_ENCODER = 8  # of at least one driven wheel: not a number, or an impossible one
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
-    GYRO_REJECTED = 64  # outside its gate
-    SPEED_REJECTED = 128  # outside its gate
-    SPEED_RESET = 256  # it has contradicted the estimate for too long: the estimate was widened to accept it
+    GYRO_REJECTED = 64  # yaw rate outside its gate, or stuck
+    SPEED_REJECTED = 128  # outside speed outside its gate
+    SPEED_RESET = 256  # outside speeds have contradicted the estimate for too long: it was widened to accept this one
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
     SPEED_UNOBSERVED = 1024  # the speed has not been observed for a while: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired

@@ -49,14 +49,12 @@ SLOWEST_S = 0.25
 class WhiteNoise(NamedTuple):
     """White noise of the channels of a sensor, each (channels,)."""
 
-    #: the last two values
-    earlier: np.ndarray
-    last: np.ndarray
-    #: time between these, and since the last one; `NEVER_S` before there are any
-    between_s: np.ndarray
-    age_s: np.ndarray
+    earlier: np.ndarray  #: value before the last one
+    last: np.ndarray  #: last value
+    between_s: np.ndarray  #: time between these two, very long before there are two
+    age_s: np.ndarray  #: time since the last value, very long before the first
     variance: np.ndarray  #: of the noise
-    samples: np.ndarray  #: number of deviations in it
+    samples: np.ndarray  #: number of deviations in the variance
 
 
 class MatchedNoise(NamedTuple):

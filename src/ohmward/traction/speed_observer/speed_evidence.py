@@ -210,7 +210,7 @@ class SpeedEvidence(NamedTuple):
     """Evidence from sample to sample."""
 
     rim_m_s: Scalar = 0.0  #: speed of the rims along x when the encoders last showed it
-    rim_age_s: Scalar = HIGH_PASS_S  #: time since then
+    rim_age_s: Scalar = HIGH_PASS_S  #: time since the encoders last showed it
     passed_m_s: np.ndarray = np.zeros(2)  #: that after one and after two high passes; the last is U
     force_N: Scalar = 0.0  #: of the motors, through a low pass
     impulse_Ns: Scalar = 0.0  #: I
@@ -219,7 +219,7 @@ class SpeedEvidence(NamedTuple):
     jump_m_s: Scalar = 0.0  #: the same over the last moments, by the wheels
     uncertain_m_s: Scalar = 0.0  #: standard deviation of the speed, through a low pass
     pitch_rad: Scalar = 0.0  #: last one measured
-    no_pitch_s: Scalar = SEEN_S  #: time since then
+    no_pitch_s: Scalar = SEEN_S  #: time since the last pitch
     body_unobserved_s: Scalar = SEEN_S  #: time since a sensor of the body has shown the speed
     peak_N: Scalar = 0.0  #: greatest force since the wheels have been sliding in the belief
     disturbed_m_s: Scalar = 0.0  #: change of the speed by traction since then, while nothing else has shown the speed

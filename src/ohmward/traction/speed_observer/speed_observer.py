@@ -115,7 +115,7 @@ class ObserverState(NamedTuple):
     current_intervals: Intervals  #: of the motor currents, each (driven,)
     encoder_intervals: Intervals  #: of the encoders, each (wheels,)
     gyro: GyroWatch  #: whether it is stuck
-    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
+    lag_rad_s: np.ndarray  #: (wheels,) lag of the model's wheel speed since each encoder's last value
     free: FreeWheels  #: the wheels as their motors alone would turn them
     history: History  #: recent predicted changes of the speed, for speeds that arrive late
     rest_s: Scalar  #: time for which wheels and motors have been at rest
