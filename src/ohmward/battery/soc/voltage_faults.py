@@ -46,12 +46,12 @@ JUMP_LASTS_S = 30.0
 class HeldVoltage(NamedTuple):
     """The last voltage, for how long it has stood still to the last digit, and one that jumped away from it."""
 
-    voltage_V: Scalar = -1.0  #: the initial value is one that no battery has
+    voltage_V: Scalar = -1.0  #: last voltage used; at the start one that no battery has
     load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
-    used_s: Scalar = 0.0  #: time for which it has been used since then
-    frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
-    jumped_V: Scalar = -1.0  #: the last one that jumped; without a jump one that no battery has
-    jumped_s: Scalar = 0.0  #: time for which it has lasted
+    used_s: Scalar = 0.0  #: time for which that voltage has been used since it first came
+    frozen: Scalar = 0.0  #: 1 where the load has changed too much meanwhile for the sensor to be alive
+    jumped_V: Scalar = -1.0  #: last voltage after a jump; without a jump one that no battery has
+    jumped_s: Scalar = 0.0  #: time for which the voltage after a jump has lasted
     current_A: Scalar = 0.0  #: current of the sample before the last
 
 
