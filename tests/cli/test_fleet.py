@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet
@@ -18,7 +19,9 @@ import pytest
 from fleet.examples import BATTERY, day, write
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
+from ohmward.cli.fleet.command import make_page
 from ohmward.cli.main import main
+from ohmward.fleet import RobotRecord
 from ohmward.logs import Log, read_log, write_log
 
 
@@ -107,6 +110,16 @@ def test_the_robots_of_a_fleet_are_on_one_page(folder, capsys):
     assert table.num_rows == 7 and "robot" in table.column_names
     assert main(command) == 0
     assert "3 robots done before" in capsys.readouterr().out
+
+
+def test_the_page_begins_with_the_alarms_of_ten_robots_and_lists_the_others_below():
+    nothing: dict[str, Any] = dict.fromkeys(RobotRecord._fields)
+    state = RobotRecord(**nothing | {"logs": 1, "refused": 0, "hours": 1.0})
+    states = [state._replace(robot=f"r{k}", alarms=("worn out", "bad contact")) for k in range(12)]
+    html = make_page({"logs": 12, "failed": 0, "hours": 1.0, "notes": []}, states, []).html()
+    assert html.count("worn out; bad contact") == 12
+    before, after = html.split("The other robots with alarms")
+    assert "r9: worn out" in before and "r10" in after and "r11: worn out" not in html
 
 
 def test_fleet_and_health_say_the_same_of_the_same_logs(tmp_path, as_json):

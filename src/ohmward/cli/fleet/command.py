@@ -215,10 +215,12 @@ def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequ
         "Refused": f"{figures['failed']:,}",
         "Hours": f"{figures['hours']:,.0f}",
     })  # fmt: skip
-    for state in states:
-        for alarm in state.alarms:
-            page = page.callout("warning", f"{state.robot}: {alarm}")
+    alarms = [[state.robot, "; ".join(state.alarms)] for state in states if state.alarms]
+    for robot, text in alarms[:_MOST_LISTED]:
+        page = page.callout("warning", f"{robot}: {text}")
     page = page.heading("Robots").table(ROBOTS, [robot_row(state) for state in states], _CAPTION)
+    if alarms[_MOST_LISTED:]:
+        page = page.table(["Robot", "Alarms"], alarms[_MOST_LISTED:], "The other robots with alarms")
     known = {s.robot: (s.soh_capacity, s.resistance_ratio) for s in states}
     points = {robot: (c, r) for robot, (c, r) in known.items() if c is not None and r is not None}
     if points:
