@@ -184,12 +184,12 @@ def _opened(text: str, hints: FileHints | None) -> TableFile | None:
 
 
 #: A larger file has rows [bytes]; it is not read to find out.
-_LARGEST_HEADER = 50_000
+_LARGEST_EMPTY_FILE = 50_000
 
 
 def _has_rows(text: str, file: TableFile) -> bool:
     """False for a table of which only the header is there."""
-    if file.head or file.choose or split_selection(text)[0].stat().st_size > _LARGEST_HEADER:
+    if file.head or file.choose or split_selection(text)[0].stat().st_size > _LARGEST_EMPTY_FILE:
         return True
     try:
         return bool(file.load(set(file.names)).line.size)

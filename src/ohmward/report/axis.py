@@ -51,7 +51,7 @@ def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis
         raise InputError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")
     low, high = _extent(figures)
     if labels != {TIME}:
-        margin = _MARGIN * (high - low)
+        margin = _AXIS_MARGIN * (high - low)
         left, right = (margin if _has_point(figures, end) else 0.0 for end in (low, high))
         return XAxis(labels.pop(), low - left, high + right, 1.0)
     if clock is not None:
@@ -63,7 +63,7 @@ def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis
 
 
 #: Distance of a point from the end of the axis, as a share of its length.
-_MARGIN = 0.03
+_AXIS_MARGIN = 0.03
 
 
 def _has_point(figures: Sequence[Figure], x: float) -> bool:
