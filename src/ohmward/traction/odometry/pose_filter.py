@@ -356,9 +356,8 @@ def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Beli
 def with_rims_alone(belief: Belief, slip_m_s: Scalar, change_m_s: Scalar, std_m_s: Scalar) -> Belief:
     """The belief where the rims of slipping wheels may have changed their speed without the robot.
 
-    Either the slip is the same share of the rims' speed, or the robot keeps its speed until the rims meet it. The
-    slip is half way between, and half of the difference adds to its standard deviation: the changes of several steps
-    have one cause.
+    Either the slip is the same share of the rims' speed, as the mean has it, or the robot keeps its speed until the
+    rims meet it. The difference adds to the standard deviation: the changes of several steps have one cause.
 
     slip_m_s: before the step.
     change_m_s: of the rims.
@@ -366,9 +365,8 @@ def with_rims_alone(belief: Belief, slip_m_s: Scalar, change_m_s: Scalar, std_m_
     """
     left_m_s = slip_m_s - change_m_s
     alone = where(left_m_s * slip_m_s > 0.0, left_m_s, 0.0) / maximum(std_m_s, LEAST_REJECTED_STD)
-    half = 0.5 * (alone - belief.mean[SLIP])
-    mean = np.array([x + half if i == SLIP else x for i, x in enumerate(belief.mean)])
-    return inflate(Belief(mean, belief.cov), SLIP, half * half + 2.0 * abs(half) * sqrt(belief.cov[SLIP, SLIP]))
+    apart = alone - belief.mean[SLIP]
+    return inflate(belief, SLIP, apart * apart + 2.0 * abs(apart) * sqrt(belief.cov[SLIP, SLIP]))
 
 
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
