@@ -64,7 +64,7 @@ def test_compare_export_fleet_and_twin_take_it(here, as_json, capsys):
     )
     assert as_json("export", "battery.toml", "--filter", "coulomb", *GIVEN, "-o", "c")["notes"] == list(SAID)
     fleet = ("fleet", "day.csv", *battery, *GIVEN, "--filter", "coulomb", "--processes", "1", "-o", "out")
-    assert as_json(*fleet)["notes"] == list(SAID)
+    assert [note for note in as_json(*fleet)["notes"] if "each log alone" not in note] == list(SAID)
     capsys.readouterr()
     assert main([*fleet]) == 0
     assert "--sensor-gain 0.03 was used" in capsys.readouterr().out
@@ -73,7 +73,7 @@ def test_compare_export_fleet_and_twin_take_it(here, as_json, capsys):
 def test_a_fleet_with_another_sensor_is_another_job(here, capsys):
     fleet = ["fleet", "day.csv", "--battery", "battery.toml", "--filter", "coulomb", "--processes", "1", "-o", "out"]
     assert main([*fleet, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["notes"] == []
+    assert all("each log alone" in note for note in json.loads(capsys.readouterr().out)["notes"])
     assert main([*fleet, *GIVEN]) == 2
     assert "another battery file" in capsys.readouterr().err
 

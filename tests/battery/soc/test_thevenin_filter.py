@@ -228,7 +228,7 @@ def test_matching_finds_that_the_voltage_is_noisier_than_assumed():
 def test_estimates_stay_within_empty_and_full():
     """The cell is full, the sensor goes on counting up."""
     full = OcvCurve(tuple(3.3 + 0.001 * np.arange(11)))
-    truth = simulate(replace(LFP, ocv=full), np.full(1200, 1e-6), 0.99)
+    truth = simulate(replace(LFP, ocv=full), np.full(2400, 1e-6), 0.99)
     columns = samples(truth, 1.0)
     _, estimates = scan(TheveninFilter(replace(LFP, ocv=full), NOISE), columns, 0.99)
     assert estimates.soc.max() == 1.0

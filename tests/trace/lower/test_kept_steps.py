@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.soc import thevenin_filter
+from ohmward.battery.soc import thevenin_filter, voltage_faults
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
 from ohmward.trace import Kernel
@@ -109,7 +109,7 @@ def test_a_constant_or_an_attribute_that_was_changed_changes_the_key(monkeypatch
     step = SocEstimator(BATTERY).settings.step
     as_it_is = key_of(step, (0.0,), ())
     with monkeypatch.context() as patched:
-        patched.setattr(thevenin_filter, "FROZEN_STD", 7.5)
+        patched.setattr(voltage_faults, "FROZEN_STD", 7.5)
         assert key_of(step, (0.0,), ()) != as_it_is
     with monkeypatch.context() as patched:
         patched.setattr(type(SocEstimator(BATTERY).settings), "of_a_test", 1.0, raising=False)
