@@ -43,7 +43,7 @@ def on_dask(
         finished = distributed.as_completed(list(paths_of))
         for future in finished:
             paths = paths_of.pop(future)
-            error = _error(future, address)
+            error = _error(client, future, address)
             if error and len(paths) > 1:
                 following = [[path] for path in paths]
             else:
@@ -62,16 +62,21 @@ def on_dask(
 def _alone(client: Client, job: Job, path: str, address: str) -> list[dict[str, Any]]:
     """Row of a log that has the cluster to itself; if it fails, with the reason."""
     future = _submit(client, job, [path])
-    error = _error(future, address)
+    error = _error(client, future, address)
     return [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()
 
 
-def _error(future: Future, address: str) -> BaseException | None:
-    """Error of a batch, None without one; waits for its end."""
+def _error(client: Client, future: Future, address: str) -> BaseException | None:
+    """Error of a batch, None without one; waits for its end.
+
+    A scheduler whose workers all die at once may cancel a batch that was finished on one of them.
+    """
     error = future.exception()
-    if future.status in ("cancelled", "lost"):
+    if future.status not in ("cancelled", "lost"):
+        return error
+    if client.status != "running":
         raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: finished logs are kept")
-    return error
+    return OhmwardError("Dask has cancelled it, because its workers died")
 
 
 def _submit(client: Client, job: Job, batch: list[str]) -> Future:
