@@ -114,7 +114,7 @@ def test_a_comparison_shows_each_estimator_and_its_error():
     compared = compare(BATTERY, LOG, ["coulomb", "ocv"], truth=np.full(T, 0.9), initial_soc=0.9)
     _, found = facts(compared._repr_html_())
     assert found["log"] == "day"
-    assert found["coulomb"].startswith("RMSE ") and "truth in the 95 % band" in found["coulomb"]
+    assert found["coulomb"].startswith("RMSE 0.") and "truth in the 95 % band" in found["coulomb"]
     assert list(compared.to_pandas().index) == sorted(
         ("coulomb", "ocv"), key=lambda n: compared.figures()[n]["soc_rmse"]
     )

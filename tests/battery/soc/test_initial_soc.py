@@ -10,7 +10,6 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.initial_soc import COARSE_CELLS, VoltageStart, first_voltage_std
 from ohmward.battery.soc.sample import SocSample
-from ohmward.battery.soc.start_density import WRONG_SHARE
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 
@@ -66,7 +65,7 @@ def test_value_and_voltage_are_weighed_by_their_variances():
 @pytest.mark.parametrize("soc_std", [1e-9, 1e-5, 1e-3])
 def test_a_value_that_is_surely_known_is_kept_wherever_it_lies(soc, soc_std):
     start = initial_soc(math.nan, REST, NMC, NOISE, SENSOR, soc=soc, soc_std=soc_std)
-    assert start.soc == pytest.approx(soc, abs=0.5 * WRONG_SHARE + 1e-6)
+    assert start.soc == pytest.approx(soc, abs=0.02 * 0.5 + 1e-6)
     agreed = initial_soc(3.0 + soc, REST, STRAIGHT, NOISE, SENSOR, soc=soc, soc_std=soc_std)
     assert agreed.soc == pytest.approx(soc, abs=1e-3)
 

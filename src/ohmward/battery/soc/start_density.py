@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Prior probability that a given value is wrong: then nothing is known. A larger one widens the band of a right value
-#: where the voltage cannot decide; with a smaller one a wrong value on a plateau stands for hours.
-WRONG_SHARE = 0.05
+#: Prior probability that a given value is wrong: then nothing is known.
+WRONG_SHARE = 0.02
 
 #: Step of the grid of SoC, small enough for a peak around a value not to fall between two points.
 GRID_STEP = 0.0025
