@@ -130,7 +130,7 @@ def _library_header(name: str, arguments: Sequence[float]) -> str:
     same = [f"#define filter_{word} {name}_{word}" for word in words] if name != "filter" else []
     same += [f"#define FILTER_VECTORS {name.upper()}_VECTORS"] if name != "filter" else []
     given = "".join(f", {literal(a)}" for a in arguments)
-    includes = [f'#include "{name}.h"', f'#include "{name}_vectors.h"']
+    includes = ["#include <math.h>", f'#include "{name}.h"', f'#include "{name}_vectors.h"']
     return "\n".join([*includes, *same, f"#define START_ARGUMENTS {given}", ""])
 
 

@@ -52,6 +52,12 @@ def test_every_bit_is_right_and_nothing_is_hidden(machine):
 
 
 @needs_tools
+def test_an_unknown_start_comes_from_the_first_voltage_there_too():
+    found = first(measure.Case("ekf", battery_export(BATTERY, "ekf", "filter"), a_log(5)), option="-Os")
+    assert found.wrong == 0 and found.answer.vectors.steps == 64
+
+
+@needs_tools
 @pytest.mark.parametrize(
     "export",
     [controller_export(RLMA, "slip-controller", "filter"), observer_export(RLMA, hard_terrain("dry asphalt"), "ekf")],
