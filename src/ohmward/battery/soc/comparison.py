@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,8 +35,13 @@ class Comparison(RichDisplay):
 
     log: Log
     runs: Mapping[str, SocRun]
-    step_s: Mapping[str, float]  #: computing time of a step [s], without compilation
     truth: np.ndarray | None = None  #: (T,) state of charge in [0, 1], nan where it is not known
+
+    @cached_property
+    def step_s(self) -> dict[str, float]:
+        """Computing time of a step of each estimator [s], without compilation; measured when it is first asked for."""
+        samples = samples_of(self.log)
+        return {name: seconds_per_step(run.kernel, run.end, samples) for name, run in self.runs.items()}
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """Figures of each estimator by name: SoC at the end, errors of the voltage, errors of SoC where it is known."""
@@ -124,12 +129,11 @@ def compare(
         truth = soc_reference(log, truth, battery.capacity_Ah, initial_soc).soc
     if truth is not None and np.shape(truth) != log.time_s.shape:
         raise InputError(f"truth must have a value for each of the {len(log)} samples, got shape {np.shape(truth)}")
-    runs, step_s = {}, {}
+    runs = {}
     for name in names:
         report = None if progress is None else partial(_share, progress, name)
-        runs[name] = run = SocEstimator(battery, initial_soc, initial_soc_std, filter=name).run(log, report)
-        step_s[name] = seconds_per_step(run.kernel, run.end, samples_of(log))
-    return Comparison(log, runs, step_s, truth)
+        runs[name] = SocEstimator(battery, initial_soc, initial_soc_std, filter=name).run(log, report)
+    return Comparison(log, runs, truth)
 
 
 def seconds_per_step(kernel: Kernel, state: Any, samples: SocSample) -> float:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from ohmward.battery.soc.comparison import Comparison, compare
-from ohmward.battery.soc.fit_check import is_judged, misfits
+from ohmward.battery.soc.fit_check import is_judged
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Outcome:
             initial_soc_std=task.initial_soc_std,
             progress=report,
         )
-    wrong = _misfits(task, compared)
+    wrong = _misfits(compared)
     task = task._replace(log=task.log.with_notes(*wrong))
     figures = summary(task, compared) | {"fits": not wrong}
     page = partial(make_page, task, compared, figures)
@@ -47,12 +47,11 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures | {"report": args.report}, describe(task, figures), task.notes, page, status)
 
 
-def _misfits(task: SocTask, compared: Comparison) -> tuple[Note, ...]:
+def _misfits(compared: Comparison) -> tuple[Note, ...]:
     """Misfits of the battery file as in `ohmward soc`, judged by the default estimator or else the first that can."""
     default, runs = chosen_name(DEFAULT), compared.runs
     by_rank = sorted(runs, key=lambda name: (name != default, not is_judged(runs[name].settings)))
-    run = runs[by_rank[0]]
-    return misfits(task.battery, task.log, run.settings, run.estimates)
+    return runs[by_rank[0]].notes
 
 
 Column = Callable[[Mapping[str, Any]], str]
