@@ -159,7 +159,7 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
     for quantity, column, unit in (("current", _CURRENT, CURRENT.default), ("power", _POWER_COLUMN, UNITS["w"])):
         both = [_only([n for n in file.names if _is_one_way(n, way, unit)]) for way in (_CHARGE, _DISCHARGE)]
         names = [name for name in both if name is not None]
-        if any((IN | OUT) & set(letters(name)) for name in names) and has_input_voltage(file.names):
+        if _say_in_or_out(names) and has_input_voltage(file.names):
             continue
         if len(names) == len(both) and not _has(file, CURRENT, columns, names):
             less = partial(_difference, quantity=quantity, names=names, default=unit)
@@ -172,11 +172,16 @@ def _difference(table: Table, quantity: str, names: Sequence[str], default: Unit
     units = [unit_in_name(name, (default.dimension,)) or default for name in names]
     sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in zip(units, names, strict=True)])
     charge, discharge = np.nan_to_num(sizes)
-    if any((IN | OUT) & set(letters(name)) for name in names):
+    if _say_in_or_out(names):
         _check_one_way(charge, discharge, quantity, names)
     values = charge - discharge
     values[np.isnan(sizes).all(axis=0)] = np.nan
     return values, Note(f"{quantity}: {names[0]!r} less {names[1]!r}")
+
+
+def _say_in_or_out(names: Sequence[str]) -> bool:
+    """True where a column is named for what goes in or out, not for charge or discharge."""
+    return any((IN | OUT) & set(letters(name)) for name in names)
 
 
 def _check_one_way(charge: np.ndarray, discharge: np.ndarray, quantity: str, names: Sequence[str]) -> None:
