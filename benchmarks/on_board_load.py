@@ -24,6 +24,7 @@ import numpy as np
 
 from ohmward import generic_battery, save_battery
 from ohmward.onboard.assembly import assemble
+from ohmward.onboard.feed import Feed
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import SETUP_FILE
 from on_board_day import resident_MB
@@ -161,7 +162,7 @@ def estimate(folder: str) -> dict[str, object]:
     process = start(folder)
     process.sources = [ObservedSource(source) for source in process.sources]
     meter = Meter(process.sources[0])
-    process.add_sink(meter)
+    process.sinks.append((meter, Feed(meter.interval_s)))
 
     asyncio.run(run_until_quiet(process))
     (from_s, from_cpu), (to_s, to_cpu) = meter.cpu_s[int(SETTLE_S)], meter.cpu_s[-1]

@@ -44,8 +44,8 @@ class Waiting:
         await asyncio.Event().wait()
 
 
-def process():
-    return Process(Estimation(robot=load_robot("rlma")), [Waiting()], [])
+def process(*sinks):
+    return Process(Estimation(robot=load_robot("rlma")), [Waiting()], sinks)
 
 
 def run(process, environment, at_work):
@@ -152,8 +152,7 @@ def test_the_stop_is_said_before_sinks_deliver(manager):
             said.extend(heard(listener))
 
     said: list[str] = []
-    told = process()
-    told.add_sink(Slow())
+    told = process(Slow())
 
     async def wait():
         await asyncio.sleep(0.05)

@@ -220,8 +220,8 @@ SILENCES = [
 @pytest.mark.parametrize("how", ["nothing", "no number"])
 def test_estimates_whose_sensors_tell_nothing_age_in_what_is_passed_on(battery, silent, grown, unknown, how):
     """Ten samples a second: called silent after more than a second of silence, or of nan, and not before."""
-    collector, process = Collector(), Process(Estimation(battery, load_robot("rlma")), [Script([])], [])
-    process.add_sink(collector)
+    collector = Collector()
+    process = Process(Estimation(battery, load_robot("rlma")), [Script([])], [collector])
     values = PACK | WHEELS | CELLS
     for k in range(60):
         told = {name: v for name, v in moving(values, k).items() if k < 40 or name not in silent}
@@ -306,8 +306,8 @@ def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
 
 def charges(battery, messages):
     """Estimates of charge after messages that are put one by one, on the clock of their receipt."""
-    collector, process = Collector(), Process(Estimation(battery), [Script([])], [])
-    process.add_sink(collector)
+    collector = Collector()
+    process = Process(Estimation(battery), [Script([])], [collector])
     for message in messages:
         process.put(message)
     (_, feed) = process.sinks[0]

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ohmward.cli.paragraphs import Detail, assumptions, paragraphs
 from ohmward.errors import InputError, OhmwardError
+from ohmward.json_values import plain
 
 #: Number of bytes at the start of a table, or at its end in Parquet, that contain the names of its columns.
 _ENDS_BYTES = 1 << 16
@@ -60,7 +59,7 @@ if TYPE_CHECKING:
 class Outcome(NamedTuple):
     """The result of a command."""
 
-    summary: Mapping[str, Any]  #: the object of --json, see `plain`; arrays are not allowed
+    summary: Mapping[str, Any]  #: the object of --json, see `plain`
     text: str  #: the same for people
     notes: Sequence[str] = ()  #: what was assumed on the way, printed after `text`, on standard error with --json
     page: Callable[[], Page] | None = None  #: makes the report, called only with --report
@@ -113,23 +112,6 @@ def show(outcome: Outcome, *, as_json: bool, detail: Detail = "all") -> None:
 def close_output() -> None:
     """Discard the interpreter's last flush of standard output."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def plain(value: Any) -> Any:
-    """The value in JSON's types: objects for records, lists for tuples, null for a number that is not finite."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if hasattr(value, "_asdict"):
-        value = value._asdict()
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs: Sequence[str] = ()) -> None:

@@ -83,16 +83,25 @@ class Estimation:
         unix_s: float | None = None,
         cutoff_V: float = 0.0,
     ):
-        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days, unix_s, cutoff_V
         self.battery, self.robot, self.unix_s, self.counts_per_turn = battery, robot, unix_s, counts_per_turn
-        self.soc = SocEstimator(battery, unix_s=unix_s) if battery else None
+        self._consumption, self._delay_s, self._days, self._cutoff_V = consumption, delay_s, days, cutoff_V
+        #: Totals over the robot's life, as far as known; continued from a snapshot.
+        self.totals = Totals()
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget every sample, as when a simulation is reset or a bag restarts; the robot's totals go on."""
+        battery, robot = self.battery, self.robot
+        self.soc = SocEstimator(battery, unix_s=self.unix_s) if battery else None
         self.cells: PackEstimator | None = None
         self.slip = SlipEstimator(robot) if robot else None
         self.odometry = Odometry(robot) if robot else None
         self.range = None
         if battery and robot:
-            self.range = RangeEstimator(battery, consumption or robot, days, cutoff_V=cutoff_V)
-        self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
+            self.range = RangeEstimator(battery, self._consumption or robot, self._days, cutoff_V=self._cutoff_V)
+        self.inbox = None
+        if robot:
+            self.inbox = SensorInbox(robot, self._delay_s, counts_per_turn=self.counts_per_turn, prompt=True)
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
@@ -101,10 +110,8 @@ class Estimation:
         self._first_V = math.nan
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
-        #: Totals over the robot's life, as far as known; continued from a snapshot.
-        self.totals = Totals()
         self._distance_m = 0.0
-        self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
+        self._sorter = MessageSorter(robot, counted=self.counts_per_turn is not None)
         places = tuple(place.name for place in robot.places) if robot else ()
         self.state = RobotState(math.nan, math.nan, wheels=places[: robot.driven] if robot else ())
         self._wheel_signals = {
@@ -121,12 +128,6 @@ class Estimation:
         self._measured: set[str] = set()  #: quantities of the drive measured so far
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
-
-    def restart(self) -> None:
-        """Forget every sample, as when a simulation is reset or a bag restarts; the robot's totals go on."""
-        totals = self.totals
-        vars(self).update(vars(Estimation(*self._settings)))
-        self.totals = totals
 
     def compile(self) -> None:
         """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""

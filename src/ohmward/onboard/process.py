@@ -165,10 +165,6 @@ class Process:
         known = self.estimation
         self.watch = SensorWatch(known.battery, known.robot, promised, counts_per_turn=known.counts_per_turn)
 
-    def add_sink(self, sink: Sink) -> None:
-        """Add a sink before the process runs."""
-        self.sinks.append((sink, Feed(feed_interval_s(sink))))
-
     def stop(self) -> None:
         """End the sources; sinks deliver waiting states, and `run` returns. A second call does not wait for sinks."""
         if self.stopping.is_set():

@@ -12,15 +12,13 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.checks import require_one_of
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
-from ohmward.filters.flags import SampleFlag
+from ohmward.json_values import plain
 from ohmward.onboard.message import as_number
 from ohmward.quantities import SECONDS_PER_HOUR, quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
@@ -165,25 +163,6 @@ def stale(state: RobotState) -> str:
 def plain_state(state: RobotState) -> dict[str, Any]:
     """The state as a dict for JSON, without parts that are not estimated."""
     return {name: plain(value) for name, value in zip(state._fields, state, strict=True) if value is not None}
-
-
-def plain(value: Any) -> Any:
-    """A value in JSON types: null for a number that is not finite, flags and levels by name, records as dicts."""
-    if isinstance(value, SampleFlag):
-        return [flag.name for flag in value]
-    if isinstance(value, Level):
-        return value.name
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if hasattr(value, "_asdict"):
-        return {name: plain(item) for name, item in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value
 
 
 #: Parts of a state that hold numbers by name.

@@ -17,12 +17,13 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from ohmward.errors import OhmwardError
+from ohmward.json_values import plain
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing, command_of
 from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number
 from ohmward.onboard.part import LOG, FaultyInput
-from ohmward.onboard.robot_state import RobotState, plain
+from ohmward.onboard.robot_state import RobotState
 
 #: Time between two beats [s].
 BEAT_S = 0.02

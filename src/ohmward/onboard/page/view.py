@@ -10,8 +10,9 @@ import numpy as np
 
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.filters.consistency import BAND_95, ELLIPSE_95
+from ohmward.json_values import plain
 from ohmward.onboard.alarms import ANYTHING
-from ohmward.onboard.robot_state import Level, RobotState, Totals, plain, soc_band, stale
+from ohmward.onboard.robot_state import Level, RobotState, Totals, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 
 #: Columns of the history.

@@ -12,11 +12,12 @@ from typing import Any
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
+from ohmward.json_values import plain
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.mqtt_broker import MqttBroker, Will
 from ohmward.onboard.page.metrics import home_assistant
 from ohmward.onboard.page.view import view
-from ohmward.onboard.robot_state import RobotState, number_at, plain, plain_state, require_path
+from ohmward.onboard.robot_state import RobotState, number_at, plain_state, require_path
 
 #: Time that the broker has to acknowledge what was sent [s].
 _ACKNOWLEDGE_S = 10.0
