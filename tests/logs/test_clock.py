@@ -166,8 +166,31 @@ def test_advice_on_a_date_is_in_its_own_notation(cell, written):
 def test_a_date_that_may_be_read_in_two_ways_comes_with_a_format_that_works():
     (note,) = clock(text("10.03.2026 08:00:00", "10.03.2026 08:00:01")).notes
     assert "--time-format '%d.%m.%Y %H:%M:%S'" in str(note)
-    with pytest.raises(InputError, match="leave out the name of the zone and give it with --timezone"):
-        clock(text("2026-03-10 08:00:00 CET"))
+
+
+def test_a_date_without_a_year_is_left_out_and_named():
+    read = clock(text("Mar 28 09:15:00", "Mar 28 09:15:02"))
+    assert read.start_unix_s is None
+    assert "Mar 28 09:15:00 names no year, so the date is left out" in str(read.notes)
+
+
+@pytest.mark.parametrize(
+    ("cell", "utc"),
+    [
+        ("2026-03-28 10:15:00 CET", "2026-03-28T09:15:00"),
+        ("2026-03-28 11:15:00 CEST", "2026-03-28T09:15:00"),
+        ("03/28/2026 02:15 PM PDT", "2026-03-28T21:15:00"),
+        ("2026-03-28 18:45:00 +9:30", "2026-03-28T09:15:00"),
+        ("2026-03-28 05:45:00 -0330 NDT", "2026-03-28T09:15:00"),
+    ],
+)
+def test_a_zone_behind_the_time_is_subtracted(cell, utc):
+    assert clock(text(cell)).start_unix_s == np.datetime64(utc).astype(int)
+
+
+def test_a_zone_that_may_be_one_of_several_is_asked_for():
+    with pytest.raises(InputError, match="'IST', which may be one of several; say which with --timezone"):
+        clock(text("2026-03-28 14:45:00 IST"))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ _SIGNS = str.maketrans({"\u2212": "-", "\uff0d": "-", "\u2013": "-"})
 _DIGITS = rf"\d+(?:(?<=\d){_BETWEEN}\d{{3}})*"
 #: A number, then perhaps its unit.
 _MEASURED = re.compile(
-    rf"^\s*(?P<number>[-+]?(?:{_DIGITS}(?:[.,]\d*)*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.,;:/-][^\d\s:]*(?:/\w+)?)?\s*$"
+    rf"^\s*(?P<number>[-+]?(?:{_DIGITS}(?:[.,]\d*)*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.,;:/()-][^\d\s:]*(?:/\w+)?)?\s*$"
 )
 _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
 _DATE_MARKS = r"\d{1,4}\s*[-/.年]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月]\s*\d{1,4}日?|\d{4}-\d{3}"

@@ -23,6 +23,7 @@ from ohmward.logs.dates import (
     has_time_of_day,
     read_dates,
     require_no_change,
+    require_zone,
     text_of,
     to_utc,
     unreadable,
@@ -382,6 +383,7 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
     seconds = dates.seconds
     if isinstance(first, str) and not has_time_of_day(first):
         _require_one_row_a_day(table, column, seconds)
+    require_zone(table.source, column.name, dates, hints.timezone)
     zone, time_zone = "", "UTC"
     if not dates.is_utc and hints.timezone:
         seconds = to_utc(seconds, hints.timezone)
@@ -393,11 +395,12 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
     start = float(known[0]) if known.size else 0.0
     excerpt = str(first if first is not None else text_of(start)).strip()
     note = Note(f"column {column.name!r} read as {what}: time counts from {excerpt}{zone}")
-    if dates.day_known:
+    if dates.day_known and dates.year_known:
         return Clock(seconds - start, start, (note,), time_zone=time_zone)
-    unsure = Note(
-        f"column {column.name!r}: {excerpt} may name the day or the month first, so the date is left out; say it with "
-        f"--time-format '{format_of(excerpt)}' (FileHints(time_format=...))",
-        "warning",
-    )
+    why = "names no year"
+    fix = ""
+    if not dates.day_known:
+        why = "may name the day or the month first"
+        fix = f"; say it with --time-format '{format_of(excerpt)}' (FileHints(time_format=...))"
+    unsure = Note(f"column {column.name!r}: {excerpt} {why}, so the date is left out{fix}", "warning")
     return Clock(seconds - start, None, (unsure,))

@@ -20,16 +20,34 @@ from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()
-_TIME = re.compile(
-    r"(?:^|[\sT_,:])(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d(?:[.,:]\d+)?))?\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)"
-    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d)?(?=$|\s)"
+#: Hours [h] that the abbreviation of a time zone is ahead of UTC. CST, IST and BST stand for several zones each.
+_ZONE_HOURS = {
+    "Z": 0, "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2, "EET": 2, "EEST": 3,
+    "MSK": 3, "SAST": 2, "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "AKST": -9,
+    "AKDT": -8, "HST": -10, "JST": 9, "KST": 9, "AWST": 8, "ACST": 9.5, "ACDT": 10.5, "AEST": 10, "AEDT": 11,
+    "NZST": 12, "NZDT": 13,
+}  # fmt: skip
+#: The offset from UTC or the abbreviation of a zone, no weekday or month, perhaps with another name behind it:
+#: `+01:00`, `UTC+1`, `CET`, `+0100 CET`, `+01:00[Europe/Berlin]`, `GMT+0100 (Central European Standard Time)`.
+_NO_ZONE = "MON|TUE|WED|THU|FRI|SAT|SUN|JAN|FEB|MAR|APR|MAY|JUN|JUL|AUG|SEP|OCT|NOV|DEC"
+_ZONE = (
+    rf"(?:(?:UTC|GMT)?(?P<ahead>[+-]\d{{1,2}}(?::?\d\d)?)|(?P<zone>Z|(?!{_NO_ZONE})[A-Z]{{3,5}}))"
+    r"(?:\s?\[[^\]]*\]|\s\([^)]*\)|\s[A-Z]{3,5})?(?=$|\s)"
 )
+_TIME = re.compile(
+    r"(?:^|[\sT_,:])(?P<h>\d{1,2})[:h](?P<m>\d\d)(?:[:m](?P<s>\d\d(?:[.,:]\d+)?)s?|m)?"
+    rf"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)(?:\s*{_ZONE}|(?=$|\s))"
+)
+#: 09.15.00 and 09-15-00 behind a date, in Finnish behind `klo`.
+_DOTTED_TIME = re.compile(r"(?<=\d)[\sT_]+(?:klo\s+)?(\d{1,2})([.-])(\d\d)\2(\d\d(?:[.,]\d+)?)$")
 _COMPACT = re.compile(r"^(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d(?:[.,]\d+)?)(Z?)$")
 _YEAR_FIRST = re.compile(r"^(\d{4})\s*[-/.年]\s*(\d{1,2})\s*[-/.月]\s*(\d{1,2})日?$")
 _YEAR_LAST = re.compile(r"^(\d{1,2})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{4}|\d\d)$")
-_NAMED = re.compile(r"^(\d{1,2})[-\s.]+([A-Za-z]{3,9})\.?[-\s,]+(\d{4}|\d\d)$")
-_NAMED_FIRST = re.compile(r"^([A-Za-z]{3,9})\.?\s+(\d{1,2}),?\s+(\d{4})$")
-_WEEKDAY = re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,?\s+", re.IGNORECASE)
+_NAMED = re.compile(r"^(\d{1,2})[-/\s.]+([A-Za-z]{3,9})\.?[-/\s,]+(\d{4}|\d\d)$")
+_NAMED_FIRST = re.compile(r"^([A-Za-z]{3,9})\.?\s+(\d{1,2})(?:,?\s+(\d{4}))?$")
+#: Year of dates that name none, as those of syslog: it has a 29 February.
+_ANY_YEAR = 2000
+_WEEKDAY = re.compile(r"\(?\b(?:mon|tue|wed|thu|fri|sat|sun)(?:[a-z]*day)?\b\.?\)?,?", re.IGNORECASE)
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 #: 0d 00:00:01.00, 0.00:00:01.00, 1 day, 2:03:04, 27:00:00.5
 _DURATION = re.compile(
@@ -44,11 +62,12 @@ EXCEL_DAYS = (20_000.0, 80_000.0)
 
 
 class Moment(NamedTuple):
-    """A date and time: the day as it is written, seconds of the day, whether they are UTC."""
+    """A date and time: the day as it is written, seconds of the day, whether they are UTC, a zone that is not known."""
 
     day: str
     second: float
     is_utc: bool
+    zone: str = ""
 
 
 class Dates(NamedTuple):
@@ -57,6 +76,8 @@ class Dates(NamedTuple):
     seconds: np.ndarray  #: (T,) since 1970, of UTC or of local clocks; nan for an empty cell
     is_utc: bool  #: they name their zone
     day_known: bool = True  #: it is certain which number is the day and which the month
+    year_known: bool = True  #: they name their year
+    zone: str = ""  #: abbreviation of a zone that they name and that may stand for several
 
 
 def from_excel(days: np.ndarray) -> np.ndarray:
@@ -94,7 +115,15 @@ def has_date(cell: str) -> bool:
 
 def has_time_of_day(cell: str) -> bool:
     """True where the cell names a time, with or without a day."""
-    return _TIME.search(cell) is not None or _COMPACT.match(cell.strip()) is not None
+    text = _tidied(cell)
+    return _TIME.search(text) is not None or _COMPACT.match(text) is not None
+
+
+def _tidied(cell: str) -> str:
+    """The cell without brackets around it, its time with colons."""
+    text = cell.strip()
+    text = text[1:].removesuffix("]") if text.startswith("[") else text
+    return text if ":" in text else _DOTTED_TIME.sub(r" \1:\3:\4", text)
 
 
 def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
@@ -128,27 +157,40 @@ def _read_any(cells: Sequence[str]) -> Dates:
     halves = any(re.search(r"[AaPp]\.?[Mm]", cell) for cell in cells[:3])
     number, certain = _day_numbers(list(days), halves, [(moment.day, moment.second) for moment in known])
     seconds = [np.nan if m is None else DAY_S * number[m.day] + m.second for m in moments]
-    return Dates(np.array(seconds), all(m.is_utc for m in known), certain)
+    zone = next((m.zone for m in known if m.zone), "")
+    has_year = all(found is None or found[3] for found in map(_NAMED_FIRST.match, days))
+    return Dates(np.array(seconds), all(m.is_utc for m in known), certain, has_year, zone)
 
 
 def _moment(cell: str) -> Moment:
     """Day, as it is written, and time; ValueError for a cell that is not a date."""
-    text = cell.strip()
+    text = _tidied(cell)
     if found := _COMPACT.match(text):
         year, month, day, h, m, s, zone = found.groups()
         return Moment(f"{year}-{month}-{day}", 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", ".")), bool(zone))
-    second, is_utc = 0.0, False
+    second, ahead_h, zone = 0.0, None, ""
     if found := _TIME.search(text):
-        second, is_utc = _second_of_day(found)
+        second, ahead_h, zone = _second_of_day(found), _hours_ahead(found), found["zone"] or ""
         text = f"{text[: found.start()]} {text[found.end() :]}"
-    day = _WEEKDAY.sub("", " ".join(text.replace(",", ", ").split()).strip(" ,T"))
+    day = " ".join(_WEEKDAY.sub("", text).replace(",", ", ").split()).strip(" ,T")
     if not day or not any(notation.match(day) for notation in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _NAMED_FIRST)):
         raise ValueError(cell)
-    return Moment(day, second, is_utc)
+    if ahead_h is None:
+        return Moment(day, second, False, zone)
+    return Moment(day, second - SECONDS_PER_HOUR * ahead_h, True)
 
 
-def _second_of_day(found: re.Match[str]) -> tuple[float, bool]:
-    """Seconds of the day, in UTC if a zone is given, and whether they are UTC."""
+def _hours_ahead(found: re.Match[str]) -> float | None:
+    """Hours that the zone of a time is ahead of UTC; None if it names none, or one that is not known."""
+    if found["ahead"] is None:
+        return _ZONE_HOURS.get(found["zone"])
+    digits = found["ahead"][1:].replace(":", "")
+    size = int(digits) if len(digits) <= 2 else int(digits[:-2]) + int(digits[-2:]) / 60
+    return -size if found["ahead"][0] == "-" else size
+
+
+def _second_of_day(found: re.Match[str]) -> float:
+    """Seconds of the day as it is written."""
     hour = int(found["h"])
     if found["half"]:
         if not 1 <= hour <= 12:
@@ -156,12 +198,7 @@ def _second_of_day(found: re.Match[str]) -> tuple[float, bool]:
         hour = hour % 12 + 12 * (found["half"] in "Pp")
     if hour > 24:
         raise ValueError(found[0])
-    second = 3600.0 * hour + 60.0 * int(found["m"]) + float((found["s"] or "0").replace(",", ".").replace(":", "."))
-    zone = found["zone"]
-    if not zone or not zone[-1].isdigit():
-        return second, bool(zone)
-    sign = -1.0 if zone[0] == "-" else 1.0
-    return second - sign * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:])), True
+    return 3600.0 * hour + 60.0 * int(found["m"]) + float((found["s"] or "0").replace(",", ".").replace(":", "."))
 
 
 def _day_numbers(
@@ -198,7 +235,7 @@ def _day_number(text: str, order: str) -> int:
     elif found := _NAMED.match(text):
         day, month, year = int(found[1]), _month(found[2]), int(found[3])
     elif found := _NAMED_FIRST.match(text):
-        month, day, year = _month(found[1]), int(found[2]), int(found[3])
+        month, day, year = _month(found[1]), int(found[2]), int(found[3] or _ANY_YEAR)
     else:
         raise ValueError(text)
     return date(year + 2000 * (year < 100), month, day).toordinal() - _EPOCH
@@ -211,25 +248,30 @@ def _month(name: str) -> int:
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:
     """The error for a cell that is not a time."""
     like = "" if cell == first else f" like {first!r}"
-    how = f"or say how it is written with --time-format '{format_of(first)}' (FileHints(time_format=...))"
-    if _ZONE_NAME.search(cell):
-        how = "or leave out the name of the zone and give it with --timezone Europe/Berlin (FileHints(timezone=...))"
     return InputError(
         f"{source}, {place}, column {column!r}: {cell!r} is not a time{like}; write seconds or ISO 8601 "
-        f"(2026-01-31T12:00:00.5Z), {how}"
+        f"(2026-01-31T12:00:00.5Z), or say how it is written with --time-format '{format_of(first)}' "
+        "(FileHints(time_format=...))"
     )
+
+
+def require_zone(source: str, column: str, dates: Dates, timezone: str | None) -> None:
+    """Raise InputError if the dates name a zone that may be one of several, and none is given."""
+    if dates.zone and timezone is None:
+        raise InputError(
+            f"{source}: column {column!r} names the time zone {dates.zone!r}, which may be one of several; say which "
+            "with --timezone, as --timezone Asia/Kolkata (FileHints(timezone=...))"
+        )
 
 
 def format_of(cell: str) -> str:
     """Probable format of a date for `strptime`, with the day before the month where both are possible."""
-    text = _ZONE_NAME.sub("", cell.strip())
+    text = cell.strip()
     for pattern, directives in _DIRECTIVES:
         text = pattern.sub(directives, text, count=1)
     return text if "%d" in text and not any(c.isdigit() for c in text) else "%d.%m.%Y %H:%M:%S"
 
 
-#: A time zone's name after a time, such as CET.
-_ZONE_NAME = re.compile(r"(?<=\d)\s+[A-Z]{3,5}$")
 #: Parts of a date and of a time, and their directives in `strptime`.
 _DIRECTIVES = (
     (re.compile(r"\d{4}([-./])\d{1,2}\1\d{1,2}"), r"%Y\1%m\1%d"),

@@ -47,6 +47,10 @@ def local(form: str) -> Callable[[datetime], str]:
     return lambda at: at.astimezone(BERLIN).strftime(form)
 
 
+def ahead(hours: float, form: str) -> Callable[[datetime], str]:
+    return lambda at: (at + timedelta(hours=hours)).strftime(form)
+
+
 def serial(at: datetime) -> str:
     return f"{(at - datetime(1899, 12, 30, tzinfo=UTC)) / timedelta(days=1):.10f}"
 
@@ -91,6 +95,20 @@ TIMES = (
     dated("28 March 2026 09:15:00", as_("%d %B %Y %H:%M:%S")),
     dated("Mar 28, 2026 9:15:00 AM", lambda at: '"' + at.strftime("%b %d, %Y %I:%M:%S %p") + '"'),
     dated("Sat Mar 28 09:15:00 2026", as_("%a %b %d %H:%M:%S %Y")),
+    dated("Sat Mar 28 10:15:00 CET 2026", lambda at: at.astimezone(BERLIN).strftime("%a %b %d %H:%M:%S %Z %Y")),
+    dated("Sat 2026-03-28 09:15:00", as_("%a %Y-%m-%d %H:%M:%S")),
+    dated("2026-03-28 (Sat) 09:15:00", as_("%Y-%m-%d (%a) %H:%M:%S")),
+    dated("2026-10-25 CEST and CET", local("%Y-%m-%d %H:%M:%S %Z"), AUTUMN),
+    dated("03/28/2026 04:15:00 AM EST", ahead(-5, US + " EST")),
+    dated("2026-03-28 14:45:00 IST", ahead(5.5, "%Y-%m-%d %H:%M:%S IST"), flags=("--timezone", "Asia/Kolkata")),
+    dated("2026-03-28 10:15:00 UTC+1", ahead(1, "%Y-%m-%d %H:%M:%S UTC+1")),
+    dated("2026-03-28T10:15:00+01:00[Europe/Berlin]", ahead(1, "%Y-%m-%dT%H:%M:%S+01:00[Europe/Berlin]")),
+    dated("Sat Mar 28 2026 10:15:00 GMT+0100 (CET)", ahead(1, "%a %b %d %Y %H:%M:%S GMT+0100 (CET)")),
+    dated("Mar 28 09:15:00 of syslog", as_("%b %d %H:%M:%S"), wall=False),
+    dated("[28/Mar/2026:09:15:00 +0000]", as_("[%d/%b/%Y:%H:%M:%S +0000]")),
+    dated("28.03.2026 09h15m00s", as_("%d.%m.%Y %Hh%Mm%Ss")),
+    dated("28.03.2026 09.15.00", as_("%d.%m.%Y %H.%M.%S")),
+    dated("2026-03-28_09-15-00", as_("%Y-%m-%d_%H-%M-%S")),
     dated("09:15:00 28/03/2026", as_("%H:%M:%S %d/%m/%Y")),
     dated("2026年03月28日 09:15:00", as_("%Y年%m月%d日 %H:%M:%S")),
     dated("2026-087 09:15:00, day of the year", as_("%Y-%j %H:%M:%S"), flags=("--time-format", "%Y-%j %H:%M:%S")),
