@@ -60,6 +60,25 @@ def test_a_number_without_a_sign_wraps_below_zero():
     assert "unless 65.536 A are added: a 16-bit number of 1 mA without a sign" in finding.text
 
 
+@pytest.mark.parametrize(
+    ("digit_A", "bits", "range_A"), [(1e-3, 16, "65.536"), (1e-1, 16, "6553.6"), (1e-3, 32, "4294967.296")]
+)
+def test_a_few_loads_and_one_charge_without_a_sign_are_enough(digit_A, bits, range_A):
+    """Nine edges, of which only the last of a charge does not cross zero."""
+    block = np.arange(300) // 25
+    current_A = np.where(block % 3 == 1, -5.2, 0.0) + np.where(block % 6 == 5, 3.1, 0.0)
+    unsigned_A = np.mod(np.rint(current_A / digit_A), 2**bits) * digit_A
+    (finding,) = check_wrapped(unsigned_A, 13.2 + 0.03 * current_A)
+    assert f"unless {range_A} A are added: a {bits}-bit number of {1e3 * digit_A:g} mA without a sign" in finding.text
+
+
+@pytest.mark.parametrize("largest_A", [40.0, 50.0, 64.0])
+def test_a_current_that_has_lost_its_sign_did_not_wrap(largest_A):
+    """Charge and discharge of 40 A as sizes: less 65.536 A, the discharges of 50 A would have the right sign."""
+    current_A, voltage_V = drive(largest_A)
+    assert list(check_wrapped(np.abs(np.round(current_A, 3)), voltage_V)) == []
+
+
 def charged_past_the_sensor(seed=0):
     """Two hours of loads, two on a charger that the sensor does not see while the robot idles."""
     time_s = 5.0 * np.arange(2880)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -10,10 +11,10 @@ from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.runs import long_runs
 from ohmward.signals.checks import Finding, Scale, scales_of
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.survey import resolution, spread
+from ohmward.signals.survey import spread
 
-#: Range of a 16-bit number, in its last digit; smallest share of half that range that the current uses.
-_RANGE, _USED = 65_536, 0.5
+#: Bits of the numbers; those of whose range a current with a sign may use half; smallest share of that half used.
+_BITS, _BITS_OF_SIGNED, _USED = (16, 32), 16, 0.5
 #: Last digits [A] that are tried, the smallest first.
 _LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 #: Smallest edge of the voltage as a share of the largest; most edges examined.
@@ -28,6 +29,9 @@ _FEW, _LEFT_BY_FEW = 2, 0.01
 #: squares unexplained.
 _RANGES, _COHERENT, _FEWEST_WRAPPED, _UNEXPLAINED_SHARE = np.linspace(0.8, 4.0, 400), 0.8, 25, 0.25
 _LARGE = 0.02
+#: A number without a sign is whole in its last digit, with this tolerance; read with a sign it must leave less than this
+#: share of the squares of the voltage's steps.
+_WHOLE, _BETTER = 1e-3, 0.2
 #: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100
 #: A cell has more than this resistance [ohm], except those of hundreds of ampere-hours, and at most this voltage [V].
@@ -73,22 +77,64 @@ def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Find
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     largest_A = float(np.abs(current_A[known]).max(initial=0.0))
-    for digit_A in _LAST_DIGITS_A:
-        range_A = digit_A * _RANGE
-        if not _USED * range_A / 2 <= largest_A <= range_A:  # up to half the range with a sign, to all of it without
-            continue
-        if largest_A > range_A / 2 and not np.isclose(resolution(current_A[known]), digit_A, rtol=0.01):
-            continue
-        count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
+    for bits, digit_A in product(_BITS, _LAST_DIGITS_A):
+        range_A = digit_A * 2**bits
+        count = 0
+        if range_A / 2 < largest_A <= range_A:
+            fault = "without a sign, in which one wrapped below 0"
+            count = _count_below_zero(current_A[known], voltage_V[known], range_A, digit_A)
+        elif bits == _BITS_OF_SIGNED and _USED * range_A / 2 <= largest_A <= range_A / 2:
+            fault = f"that wrapped beyond {range_A / 2:g} A"
+            count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
         if count:
-            below = "without a sign, in which one wrapped below 0"
-            fault = f"that wrapped beyond {range_A / 2:g} A" if largest_A <= range_A / 2 else below
             text = (
-                f"the voltage contradicts {count} steps of the current unless {range_A:g} A are added: a 16-bit number "
-                f"of {1e3 * digit_A:g} mA {fault}"
+                f"the voltage contradicts {count} steps of the current unless {range_A:.10g} A are added: a {bits}-bit "
+                f"number of {1e3 * digit_A:g} mA {fault}"
             )
             yield Finding("error", text, "let its sender write more bits, or another unit")
             return
+
+
+def _count_below_zero(current_A: np.ndarray, voltage_V: np.ndarray, range_A: float, digit_A: float) -> int:
+    """Number of edges at which a current without a sign (T,) crossed zero; 0 if it is explained as well as logged.
+
+    Values in the upper half of the range are taken as negative. That must leave far less of the steps of the voltage
+    (T,) than the current as it stands, and than a current that has lost its sign.
+    """
+    counts = current_A / digit_A
+    if current_A.min() < 0.0 or np.abs(counts - np.rint(counts)).max() > _WHOLE:
+        return 0
+    dI, dV = np.diff(current_A), np.diff(voltage_V)
+    edge = _voltage_edges(dI, dV)
+    if edge.size < _FEWEST_OF_EACH:
+        return 0
+    dI_signed = np.diff(np.where(current_A > range_A / 2, current_A - range_A, current_A))[edge]
+    difference_A, sum_A = dI[edge], current_A[edge] + current_A[edge + 1]
+    without_sign_A = np.stack([difference_A, -difference_A, sum_A, -sum_A], axis=1)
+    left_V2 = _squares_of_choices(without_sign_A, dV[edge], range_A).min(axis=2).sum(axis=1)
+    other_V2 = min(_unexplained(difference_A, dV[edge]), left_V2.min(initial=np.inf))
+    is_better = _unexplained(dI_signed, dV[edge]) < _BETTER * other_V2
+    return int(np.count_nonzero(difference_A != dI_signed)) if is_better else 0
+
+
+def _voltage_edges(dI: np.ndarray, dV: np.ndarray) -> np.ndarray:
+    """Indices of the large steps of the voltage (T - 1,) at which the current changes, at most about `_MOST_EDGES`."""
+    size = np.abs(dV)
+    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)) & (dI != 0.0))
+    return edge[:: max(edge.size // _MOST_EDGES, 1)]
+
+
+def _unexplained(dI: np.ndarray, dV: np.ndarray) -> float:
+    """Sum of the squares [V2] that dV = R dI leaves, over edges (n,)."""
+    return float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
+
+
+def _squares_of_choices(steps_A: np.ndarray, dV: np.ndarray, range_A: float) -> np.ndarray:
+    """Squares [V2] left (resistances, n, k) by each of the possible steps (n, k) of the current at each edge (n,)."""
+    large = np.abs(steps_A) > _LARGE * range_A
+    ohms = np.sort(np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large])
+    ohms = ohms[:: max(ohms.size // _MOST_OHMS, 1)]
+    return (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
 
 
 def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
@@ -96,22 +142,18 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
 
     dI, dV: (T - 1,) steps of current [A] and voltage [V].
     """
-    size, noise_V = np.abs(dV), spread(dV)
-    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * noise_V) & (dI != 0.0))
-    edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
+    noise_V = spread(dV)
+    edge = _voltage_edges(dI, dV)
     if edge.size < _FEWEST_OF_EACH:
         return 0
     dI, dV = dI[edge], dV[edge]
-    as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
+    as_logged = _unexplained(dI, dV)
     if as_logged <= _NOISE * edge.size * noise_V**2:
         return 0
     steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
-    large = np.abs(steps_A) > _LARGE * range_A
-    ohms = np.sort(np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large])
-    ohms = ohms[:: max(ohms.size // _MOST_OHMS, 1)]
-    left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
+    left_V2 = _squares_of_choices(steps_A, dV, range_A)
     left = left_V2.min(axis=2).sum(axis=1)
-    if not ohms.size or left.min() > _LEFT * as_logged:
+    if not left.size or left.min() > _LEFT * as_logged:
         return _count_by_phase(dI, dV, range_A) if as_logged > _UNEXPLAINED_SHARE * float(dV @ dV) else 0
     is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
     count = int(is_wrapped.sum())
