@@ -115,6 +115,17 @@ def test_currents_are_the_mean_over_the_step_and_a_speed_has_its_age():
     assert sample["speed_age_s"] == pytest.approx(0.056)
 
 
+def test_a_shake_between_two_reports_of_the_wheels_leaves_no_yaw_rate():
+    inbox = SensorInbox(RLMA, delay_s=0.0)
+    inbox.put(0.0, wheel_speed_rad_s=[0.0, 0.0])
+    for k in range(1, 11):
+        inbox.put(0.01 * k, yaw_rate_rad_s=0.2 + 0.5 * (-1) ** k, acceleration_m_s2=1.0 + 3.0 * (-1) ** k)
+    inbox.put(0.1, wheel_speed_rad_s=[0.1, 0.1])
+    _, sample = [*inbox.take(), *inbox.flush()]
+    assert sample["yaw_rate_rad_s"] == pytest.approx(0.2)
+    assert sample["acceleration_m_s2"] == pytest.approx(1.0)
+
+
 def test_counts_are_mean_speeds_through_the_overflow():
     inbox, step = SensorInbox(RLMA, delay_s=0.0, counts_per_turn=4096, bits=16), 100
     for k in range(2000):

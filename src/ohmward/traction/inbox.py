@@ -1,8 +1,8 @@
 """Inbox of a robot: turns messages of sensors at different rates, late and out of order, into samples in order.
 
 A message waits for `delay_s`, until no earlier one can arrive. A sample ends with the wheel speeds and includes what
-other sensors have sent since the previous sample: the mean motor currents over the step, the newest value of everything
-else, and the age of an external speed. If no wheel reports, samples continue without wheels.
+other sensors have sent since the previous sample: the mean motor currents, yaw rate and acceleration over the step, the
+newest value of everything else, and the age of an external speed. If no wheel reports, samples continue without wheels.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from ohmward.traction.speed_observer.encoders import differences
 #: Body sensors that the odometry uses and the speed observer does not.
 HEADING = ("heading_rad", "heading_std_rad")
 _BODY = frozenset(BODY)
+#: Rates: their mean over a step gives the change in it, their newest value would turn a vibration into a slow change.
+_RATES = frozenset({"yaw_rate_rad_s", "acceleration_m_s2"})
 #: Arguments of `SensorInbox.put` that have a value for each wheel or motor.
 WHEELS = ("wheel_speed_rad_s", "wheel_counts", "current_A")
 
@@ -93,6 +95,7 @@ class SensorInbox:
         self._reported_s: dict[int, float] = {}
         self._speeds: dict[int, float] = {}
         self._currents: list[list[float]] = []
+        self._rates: dict[str, list[float]] = {}
         self._body: dict[str, float] = {}
 
     def put(
@@ -221,17 +224,20 @@ class SensorInbox:
         if any(map(math.isfinite, message.currents)):
             self._currents.append(message.currents)
         for name, value in message.body.items():
-            if math.isfinite(value):
+            if math.isfinite(value) and name in _RATES:
+                self._rates.setdefault(name, []).append(value)
+            elif math.isfinite(value):
                 self._body[name] = value
                 if name == "speed_m_s":
                     self._speed_s = message.stamp_s
 
     def _close(self) -> list[dict[str, Any]]:
         """Close the open sample and return it unless it is empty; the next one begins where it ends."""
-        if not (self._speeds or self._currents or self._body):
+        if not (self._speeds or self._currents or self._rates or self._body):
             return []
         speeds = np.array([self._speeds.get(wheel, math.nan) for wheel in range(self._wheels)])
         sample: dict[str, Any] = {"time_s": self._sample_s, "wheel_speed_rad_s": speeds, **self._body}
+        sample |= {name: _mean(values) for name, values in self._rates.items()}
         if self._currents:
             sample["current_A"] = np.array([_mean(column) for column in zip(*self._currents, strict=True)])
         if "speed_m_s" in sample:
@@ -243,7 +249,7 @@ class SensorInbox:
     def _clear(self, start_s: float) -> None:
         """Begin an empty sample at `start_s`."""
         self._start_s = self._sample_s = start_s
-        self._speeds, self._currents, self._body = {}, [], {}
+        self._speeds, self._currents, self._rates, self._body = {}, [], {}, {}
         self._speed_s = math.nan
 
 
