@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import pulse_phases, steps
+from ohmward.battery.identification.circuit_uncertainty import current_noise_A
 from ohmward.battery.identification.record import find_phases, find_pulses, find_rests, make_records
 from ohmward.errors import InputError
 from ohmward.logs import Log
@@ -83,6 +84,26 @@ def test_a_gap_of_unknown_charge_divides_the_log():
     assert records[0].log.time_s[-1] < 4000 < records[1].log.time_s[0]
 
 
+def test_a_long_stretch_without_a_current_is_a_gap_and_no_rest():
+    time_s = np.arange(0.0, 3000.0)
+    current_A = np.where((time_s >= 500) & (time_s < 2000), np.nan, -2.0)
+    records = make_records(log(time_s, current_A), 2.0)
+    assert [record.log.time_s[0] for record in records] == [0.0, 2000.0]
+    assert [phase.kind for record in records for phase in record.phases] == ["constant", "constant"]
+
+
+def test_samples_without_a_current_at_the_end_are_left_out():
+    time_s = np.arange(0.0, 1000.0)
+    (record,) = make_records(log(time_s, np.where(time_s < 500, -2.0, np.nan)), 2.0)
+    assert record.log.time_s[-1] == 499.0
+
+
+def test_a_short_hole_in_a_current_is_no_rest():
+    time_s = np.arange(0.0, 1000.0)
+    (record,) = make_records(log(time_s, np.where((time_s > 500) & (time_s < 560), np.nan, -2.0)), 2.0)
+    assert [phase.kind for phase in record.phases] == ["constant"]
+
+
 def test_a_gap_at_rest_and_the_same_voltage_divides_nothing():
     assert len(make_records(gapped(3.7), 2.0)) == 1
 
@@ -102,3 +123,10 @@ def test_a_part_of_a_pulse_test_is_a_pulse_test():
     later = time_s > 700
     parts = make_records(log(time_s + 4000.0 * later, current_A, np.where(later, 3.5, 3.7), "pulses"), 2.0)
     assert [part.test for part in parts] == ["pulses", "pulses"]
+
+
+def test_the_noise_of_a_current_is_that_of_its_rests_and_steady_loads():
+    time_s, current_A = steps([(400, 0, 1), (300, -2, 1), (400, 0, 1)])
+    noisy_A = current_A + 2e-3 * np.random.default_rng(1).standard_normal(time_s.size)
+    (record,) = make_records(log(time_s, noisy_A), 2.0)
+    assert current_noise_A(record) == pytest.approx(2e-3, rel=0.1)

@@ -81,11 +81,26 @@ def count_charge(log: Log) -> ChargeIntegral:
 
 
 def known_current_A(log: Log) -> np.ndarray:
-    """(T,) current [A]; samples without one are bridged by a straight line."""
+    """(T,) current [A]; single samples without one are bridged by a straight line, see `without_unknown_current`."""
     known = np.isfinite(log.current_A)
     if not known.any() or not np.any(log.current_A[known]):
         raise InputError(f"log {log.name!r}: the current is never other than zero; nothing can be identified from it")
     return np.interp(log.time_s, log.time_s[known], log.current_A[known])
+
+
+def without_unknown_current(log: Log) -> Log:
+    """The log without the samples of long stretches without a current, which become gaps of the recording.
+
+    Those at its ends are left out as well: no current is known beyond them.
+    """
+    known = np.flatnonzero(np.isfinite(log.current_A))
+    if not known.size:
+        return log
+    used = np.zeros(len(log), dtype=bool)
+    used[known[0] : known[-1] + 1] = True
+    for k in np.flatnonzero(np.diff(log.time_s[known]) > RECORDING_GAP_S):
+        used[known[k] + 1 : known[k + 1]] = False
+    return log if used.all() else log.select(used)
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:
@@ -222,13 +237,13 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
     A current is constant while it jumps by less than 5 % (and C/50) from sample to sample and by 10 % in all.
 
     Raises:
-        InputError: the log is too short to hold a pulse.
+        InputError: the log has no current, or is too short to hold a pulse.
     """
     if len(log) < FEWEST_OF_A_PULSE:
         raise InputError(
             f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {FEWEST_OF_A_PULSE}"
         )
-    current_A = np.nan_to_num(log.current_A)
+    current_A = known_current_A(log)
     rest = np.abs(current_A - idle_current_A) <= REST_C * capacity_Ah
     jump = np.abs(np.diff(current_A)) > np.maximum(_JUMP_SHARE * np.abs(current_A[1:]), _JUMP_RATE * capacity_Ah)
     new = (rest[1:] != rest[:-1]) | (jump & ~rest[1:])
@@ -342,6 +357,7 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
     Raises:
         InputError: no current in the log, or too short for a pulse.
     """
+    log = without_unknown_current(log)
     record = _record(log, capacity_Ah, idle_current_A)
     divides = [k for k in np.flatnonzero(record.charge.unknown) if not _rests_through(record, int(k))]
     if not divides:
