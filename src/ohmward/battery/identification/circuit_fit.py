@@ -279,6 +279,13 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
     return (Note(text, "warning"),)
 
 
+def levelled_V(solution: CircuitSolution, problem: CircuitProblem, soc: np.ndarray) -> np.ndarray:
+    """RMS of what was levelled of the fitted OCV curve [V], about each point of a uniform grid of SoC (N,)."""
+    corrected_V = np.asarray(corrected_ocv(solution, problem).voltage_V)
+    near = np.abs(OCV_GRID - soc[:, None]) <= 0.5 * (soc[1] - soc[0])
+    return np.sqrt(near @ (corrected_V - _fitted_curve_V(solution, problem)) ** 2 / near.sum(axis=1))
+
+
 def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
     """The first OCV curve with the correction of the fit [V], on OCV_GRID."""
     first = problem.ocv

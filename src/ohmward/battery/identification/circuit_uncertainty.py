@@ -19,7 +19,7 @@ from ohmward.battery.identification.circuit_design import (
     entropy_std,
     pair_names,
 )
-from ohmward.battery.identification.circuit_fit import CircuitFit
+from ohmward.battery.identification.circuit_fit import CircuitFit, levelled_V
 from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
     CircuitSolution,
@@ -27,7 +27,7 @@ from ohmward.battery.identification.circuit_solve import (
     last_direction,
 )
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
-from ohmward.battery.identification.record import SETTLED_REST_S
+from ohmward.battery.identification.record import SETTLED_REST_S, Record
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
 from ohmward.battery.models.ocv import hat
 from ohmward.battery.models.thevenin import Thevenin
@@ -323,6 +323,7 @@ def noise_from_fit(
         steady_ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
         posterior_V = np.hypot(posterior_V, _LASTING_LOAD_ERROR * typical_A * steady_ohm)
     posterior_V = np.hypot(posterior_V, unknown_hysteresis_V(problem))
+    posterior_V = np.hypot(posterior_V, levelled_V(solution, problem, RESISTANCE_GRID))
     floor_V = volts * max(problem.prior.model_V, problem.prior.pulses_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     return BatteryNoise(
@@ -409,8 +410,12 @@ def typical_current_A(samples: Sequence[FitSamples]) -> float:
 def white_std_V(solution: CircuitSolution) -> float:
     """Standard deviation of the residual from one sample to the next [V], robust: it is the part that is white."""
     steps = np.concatenate([np.diff(r) for r in solution.residual_V])
-    steps = np.abs(steps[np.isfinite(steps)])
-    return float(_MAD * np.median(steps) / np.sqrt(2)) if steps.size else 0.0
+    return _white_std(steps[np.isfinite(steps)])
+
+
+def _white_std(steps: np.ndarray) -> float:
+    """Standard deviation of white noise by its steps (N,) from sample to sample; robust."""
+    return float(_MAD * np.median(np.abs(steps)) / np.sqrt(2)) if steps.size else 0.0
 
 
 def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> float:
@@ -420,11 +425,13 @@ def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> f
     return float(min(max(np.median(times), low), high))
 
 
-def current_noise_A(current_A: np.ndarray) -> float:
-    """White noise of a current sensor [A]: the robust spread of the steps where the current is steady."""
-    steps = np.abs(np.diff(current_A))
-    steady = steps[steps <= np.quantile(steps, 0.3)]
-    return float(_MAD * np.median(steady)) if steady.size else 0.0
+def current_noise_A(record: Record) -> float:
+    """White noise of a current sensor [A]: the robust spread of the steps within rests and steady currents.
+
+    0 for a record of varying currents alone, whose steps are those of the load.
+    """
+    steps = [np.diff(record.current_A[p.first : p.last + 1]) for p in record.phases if p.kind != "varying"]
+    return _white_std(np.concatenate([np.zeros(0), *steps]))
 
 
 def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
