@@ -37,6 +37,11 @@ def test_a_log_without_a_clock_among_others_is_refused():
         in_order_of_time([log("b", 1e9), log("a")])
 
 
+def test_no_log_is_refused():
+    with pytest.raises(InputError, match="health needs at least one log"):
+        in_order_of_time([])
+
+
 def test_the_capacity_when_new_is_that_of_the_file_or_as_given():
     battery = generic_battery("nmc", 10.0)
     assert newness(battery, []).capacity_Ah == 10.0

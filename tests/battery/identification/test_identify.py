@@ -281,3 +281,16 @@ def test_one_initial_soc_is_that_of_every_log(pulses):
         for start in (1.0, {"first": 1.0, "second": 1.0})
     )
     assert one.thevenin == each.thevenin
+
+
+@pytest.mark.parametrize(
+    ("log", "options", "message"),
+    [
+        (Log("day", np.arange(9.0), np.full(9, -1.0), np.full(9, np.nan)), {}, "'day' has no voltage above 0"),
+        (Log("day", np.arange(9.0), np.full(9, -1.0), np.full(9, -3.7)), {}, "'day' has no voltage above 0"),
+        (Log("day", np.arange(9.0), np.full(9, -1.0), np.full(9, 3.7)), {"n_series": 0}, "n_series must be >= 1"),
+    ],
+)
+def test_impossible_input_is_refused_by_name(log, options, message):
+    with pytest.raises(InputError, match=message):
+        identify(log, capacity_Ah=2.0, **options)

@@ -18,6 +18,7 @@ from ohmward.battery.learning.solve import moments, solve
 from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, prior_of, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import SocAnchor
+from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.logs import Log
 
@@ -174,6 +175,41 @@ def test_the_order_of_the_logs_does_not_matter():
     one = learn(label, [day(MODEL, 1), day(MODEL, 2)]).battery
     two = learn(label, [day(MODEL, 2), day(MODEL, 1)]).battery
     assert difference_in_sigmas(one, two) < 0.3
+
+
+def test_logs_with_a_clock_are_taken_in_its_order():
+    label = generic_battery("nmc", 12.0, 3)
+    days = [replace(day(MODEL, seed), start_unix_s=1.79e9 + 1e5 * seed) for seed in (1, 2)]
+    assert learn(label, days[::-1]) == learn(label, days)
+
+
+def test_an_older_log_does_not_set_the_date_back():
+    label = generic_battery("nmc", 12.0, 3)
+    june, january = (replace(day(MODEL, seed), start_unix_s=unix_s) for seed, unix_s in ((1, 1.79e9), (2, 1.77e9)))
+    later = learn(learn(label, [june]).battery, [january]).battery
+    assert later.noise.capacity_known_unix_s == june.end_unix_s
+
+
+@pytest.mark.parametrize(
+    ("initial_soc", "message"),
+    [
+        ({"typo": 0.5}, "initial_soc names 'typo', but the logs are "),
+        (80, r"must be between 0 and 1 \(0.8 is 80 %\), got 80"),
+        ({"day 1": "full"}, "initial_soc of 'day 1' must be a number"),
+    ],
+)
+def test_a_start_that_no_log_can_have_is_refused(initial_soc, message):
+    with pytest.raises(InputError, match=message):
+        learn(TESTED, [replace(day(MODEL, 1), name="day 1")], initial_soc=initial_soc)
+
+
+def test_a_parameter_that_became_exact_leaves_the_others_as_they_were_learnt():
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1)]).battery
+    exact = replace(learnt, noise=replace(learnt.noise, ocv_slip_std=0.0))
+    names = parameters_of(exact).names
+    assert learnt.knowledge is not None and set(learnt.knowledge.names) - set(names) == {"ocv_slip"}
+    still = [learnt.knowledge.names.index(name) for name in names]
+    assert prior_covariance(exact) == pytest.approx(learnt.knowledge.matrix[np.ix_(still, still)])
 
 
 def test_a_log_that_is_cut_in_two_teaches_the_same():

@@ -41,7 +41,7 @@ from ohmward.battery.health.history import (
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.checks import require_positive
+from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs
 from ohmward.quantities import DAY_S
@@ -193,7 +193,7 @@ def health(
         InputError: some logs have a clock and some have none, or no log shows the health of this battery.
     """
     require_battery(battery)
-    require_positive("worn", worn)
+    require_between("worn", worn, 0.05, 0.99)
     dated = in_order_of_time(as_logs(logs))
     learnt = learn(unlearnt(battery), dated.logs, progress=progress)
     if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label

@@ -59,8 +59,10 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
     """The logs in order of their clocks; without any clock, one after the other as they are given.
 
     Raises:
-        InputError: some have a clock and some have none.
+        InputError: no logs, or some have a clock and some have none.
     """
+    if not logs:
+        raise InputError("health needs at least one log")
     dated = [(log.begin_unix_s, log) for log in logs if log.begin_unix_s is not None]
     without = [log.name for log in logs if log.begin_unix_s is None]
     if not without:

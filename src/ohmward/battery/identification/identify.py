@@ -69,7 +69,8 @@ from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_finite, require_one_of, require_positive
+from ohmward.battery.soc.sample import starts_of_logs
+from ohmward.checks import require_between, require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
@@ -146,11 +147,8 @@ def identify(
         InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
     """
     logs = as_logs(logs)
-    if initial_soc is not None and not isinstance(initial_soc, Mapping):
-        initial_soc = {log.name: initial_soc for log in logs}
-    settings = IdentificationSettings(
-        capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A, ocv
-    )
+    starts = starts_of_logs(initial_soc, [log.name for log in logs])
+    settings = IdentificationSettings(capacity_Ah, model, chemistry, n_series, name, starts, idle_current_A, ocv)
     return identify_in_detail(logs, settings, progress).battery
 
 
@@ -334,7 +332,7 @@ def _beside_one_branch(model: Thevenin, branch: OcvBranch, settings: Identificat
 def _battery(prepared: Preparation, settings: IdentificationSettings, model: Thevenin, noise: BatteryNoise) -> Battery:
     """The battery with this circuit, the user's settings, and voltage limits from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
-    noise_A = max((current_noise_A(r.current_A) for r in prepared.first.fitted), default=0.0)
+    noise_A = max((current_noise_A(r) for r in prepared.first.fitted), default=0.0)
     return Battery(
         name=settings.name,
         capacity_Ah=settings.capacity_Ah,
@@ -378,16 +376,14 @@ def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Prov
 
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     require_positive("capacity_Ah", settings.capacity_Ah)
+    require_between("n_series", settings.n_series, 1, np.inf)
     require_one_of("model", settings.model, MODELS)
     if not logs:
         raise InputError("identify needs at least one log")
-    names = [log.name for log in logs]
-    for name, soc in settings.initial_soc.items():
-        if name not in names:
-            raise InputError(f"initial_soc names {name!r}, but the logs are {', '.join(map(repr, names))}")
-        require_finite(f"initial_soc of {name!r}", soc)
-        if not 0.0 <= soc <= 1.0:
-            raise InputError(f"initial_soc of {name!r} must be between 0 and 1 (0.8 is 80 %), got {soc:g}")
+    starts_of_logs(settings.initial_soc, [log.name for log in logs])
+    for log in logs:
+        if not np.any(log.voltage_V > 0.0):
+            raise InputError(f"log {log.name!r} has no voltage above 0; check its columns")
 
 
 def cells_transfer_V(reference_degC: float, n_series: int) -> float:

@@ -63,6 +63,7 @@ from ohmward.battery.learning.voltage_model import VoltageModel, prior_of
 from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
@@ -101,10 +102,10 @@ def learn(
     battery: Battery,
     logs: LogSource | Sequence[LogSource],
     *,
-    initial_soc: Mapping[str, float] | None = None,
+    initial_soc: float | Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Learnt:
-    """Update a battery by logs, one after the other.
+    """Update a battery by logs, one after the other: in order of their clocks where all have one, else as given.
 
     >>> learnt = ow.learn(ow.load_battery("battery.toml"), ["day.csv"])
     >>> [update.verdict for update in learnt.updates]
@@ -112,19 +113,22 @@ def learn(
     >>> ow.save_battery(learnt.battery, "battery.toml")
 
     logs: a Log or several, or paths or DataFrames of them.
-    initial_soc: states of charge at the start of logs by their names, where known.
+    initial_soc: state of charge at the start of every log, or by the names of the logs, where known.
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
-        InputError: `battery` is not a Battery.
+        InputError: `battery` is not a Battery; `initial_soc` names another log, or lies outside 0 to 1.
     """
     require_battery(battery)
-    logs = as_logs(logs)
+    given = as_logs(logs)
+    starts = starts_of_logs(initial_soc, [log.name for log in given])
+    has_clock = all(log.begin_unix_s is not None for log in given)
+    in_order = sorted(given, key=lambda log: log.begin_unix_s or 0.0) if has_clock else given
     updates = []
-    for k, log in enumerate(logs):
+    for k, log in enumerate(in_order):
         if progress:
-            progress(log.name, k / len(logs))
-        battery, update = learn_log(battery, log, (initial_soc or {}).get(log.name))
+            progress(log.name, k / len(in_order))
+        battery, update = learn_log(battery, log, starts.get(log.name))
         updates.append(update)
     return Learnt(battery, tuple(updates))
 
@@ -160,10 +164,10 @@ def learn_log(
     update = update._replace(reason=limit_sentence(battery, ready) + update.reason)
     contradiction = _contradiction(before, log, update)
     if not contradiction and check_fit:
-        contradiction = _misfit_of_file(battery, new.parts, initial_soc)
+        contradiction = _misfit_of_file(battery, new.parts, initial_soc if at_start else None)
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
-    anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
+    anchored = sum(anchor.kind != "rest" for anchor in anchors) + (at_start and initial_soc is not None)
     seen = SeenLog(
         name=log.name,
         fingerprint=new.fingerprint,
@@ -183,7 +187,8 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     """The battery with the log among those that it has learnt from."""
     assert after.knowledge is not None
     logs = (*before.learnt_logs, log)
-    learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), log.end_unix_s)
+    last_unix_s = max((seen.end_unix_s for seen in logs if seen.end_unix_s is not None), default=None)
+    learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), last_unix_s)
     if not any(seen.anchors for seen in logs):
         learnt = never_anchored(learnt, before)
     return replace(learnt, not_identified=not_identified_sentences(learnt))

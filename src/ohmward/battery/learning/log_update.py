@@ -26,6 +26,7 @@ from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.posterior import Unknowns
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.filters.belief import Belief
+from ohmward.json_values import plain
 
 #: Smallest share of the capacity drawn from full, for its logarithm.
 _LEAST_GIVEN = 1e-3
@@ -126,10 +127,7 @@ class LogUpdate(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """The update for JSON; a number that is not known is None."""
-        records = {name: value._asdict() for name, value in self._asdict().items() if isinstance(value, Normal)}
-        found = self._asdict() | records | {"information": dict(self.information)}
-        found |= {"anchors": [anchor._asdict() for anchor in self.anchors]}
-        return {name: None if value != value else value for name, value in found.items()}
+        return dict(plain(self))
 
 
 def narrowed(p: Unknowns, before: np.ndarray, after: np.ndarray) -> dict[str, float]:

@@ -74,14 +74,16 @@ def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: the one learnt, or that of the file's noise before any log."""
     prior = _Prior(battery, battery.thevenin)
     learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
-    if learnt is None or not set(learnt.names) <= set(names):
+    if learnt is None:
         return P
+    # a parameter that the file takes as exact by now is left out of what it has learnt
+    still = [k for k, name in enumerate(learnt.names) if name in names]
     # a parameter that the file did not have when it learnt follows the others as before any log
-    known = [names.index(name) for name in learnt.names]
+    known = [names.index(learnt.names[k]) for k in still]
     among = np.ix_(known, known)
     follows = np.linalg.solve(P[among], P[known, :])
     follows[:, known] = np.eye(len(known))
-    return P + follows.T @ (learnt.matrix - P[among]) @ follows
+    return P + follows.T @ (learnt.matrix[np.ix_(still, still)] - P[among]) @ follows
 
 
 class _Prior(NamedTuple):

@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from ohmward.checks import require_finite
+from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag
 
 #: Standard deviation of a given initial state of charge, unless the caller gives another one.
 INITIAL_SOC_STD = 0.03
+
+
+def starts_of_logs(initial_soc: float | Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float]:
+    """State of charge at the start of the logs where it is given, by their names; one number holds for all.
+
+    Raises:
+        InputError: a name that no log has, or a value outside 0 to 1.
+    """
+    if initial_soc is None:
+        return {}
+    starts = dict(initial_soc) if isinstance(initial_soc, Mapping) else dict.fromkeys(names, initial_soc)
+    for name, soc in starts.items():
+        if name not in names:
+            raise InputError(f"initial_soc names {name!r}, but the logs are {', '.join(map(repr, names))}")
+        require_finite(f"initial_soc of {name!r}", soc)
+        if not 0.0 <= soc <= 1.0:
+            raise InputError(f"initial_soc of {name!r} must be between 0 and 1 (0.8 is 80 %), got {soc:g}")
+    return starts
 
 
 class SocSample(NamedTuple):
