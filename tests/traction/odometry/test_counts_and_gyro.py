@@ -13,6 +13,7 @@ from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
 from ohmward.traction.odometry.corrections import COMPARED_S
+from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.odometry.measured_motion import turn_per_slip, turn_std
 from ohmward.traction.odometry.model import (
     AHEAD,
@@ -287,3 +288,12 @@ def test_unequal_wheels_turn_a_robot_that_scrubs_no_farther_than_its_other_turns
     _, e = scan(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=share * turn + offset))
     assert_allclose(e.gyro_offset_rad_s[-1], offset, atol=1e-4)
     assert_allclose(e.yaw_rad[-1], share * np.sum(turn) * DT_S, atol=5e-3)
+
+
+def test_the_position_is_that_of_the_middle_of_the_driven_axle():
+    odometry, turn_rad_s = Odometry(INDOOR), 0.5
+    rim_rad_s = 0.5 * TRACK_M * turn_rad_s / INDOOR.wheel.radius_m
+    for k in range(500):
+        pose = odometry.update(0.02 * k, wheel_speed_rad_s=[-rim_rad_s, rim_rad_s])
+    assert pose.yaw_rad == pytest.approx(0.02 * 499 * turn_rad_s, rel=0.01)
+    assert (pose.x_m, pose.y_m) == pytest.approx((0.0, 0.0), abs=1e-6)

@@ -39,7 +39,7 @@ class Frames:
     """Names of coordinate frames, REP-105."""
 
     odom: str = "odom"  #: frame in which the pose is continuous
-    base: str = "base_link"  #: frame of the robot, at its centre of gravity
+    base: str = "base_link"  #: frame of the robot, at the point whose position `OdometryEstimate` has
 
 
 def battery_time_s(state: RobotState) -> float:

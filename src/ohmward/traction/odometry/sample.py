@@ -51,7 +51,9 @@ class OdometrySample(NamedTuple):
 class OdometryEstimate(NamedTuple):
     """Estimate after a sample."""
 
-    x_m: Any  #: of the robot's centre of gravity in the frame `odom`: forward from where the robot was at first
+    #: in the frame `odom`, forward from where the robot was at first: of the middle of the driven axle of a two-wheeled
+    #: robot, which wheels do not move sideways, and of the centre of gravity of any other
+    x_m: Any
     y_m: Any  #: the same to the left
     yaw_rad: Any  #: > 0 to the left; full turns are counted
     pose_cov: np.ndarray  #: (3, 3) covariance of x, y and yaw in that frame [m2, m rad, rad2]
