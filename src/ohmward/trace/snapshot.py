@@ -82,8 +82,8 @@ def require_identity(estimator: Any, snapshot: Mapping[str, Any]) -> None:
     here, there = identity(estimator), snapshot.get("estimator")
     if there != here:
         raise InputError(
-            f"the snapshot is of {there!r}, but the estimator is {here!r}: another kind, model or settings. Files round "
-            f"their numbers: load the battery or robot from its file before the first start too. Now {_ADVICE}"
+            f"the snapshot is of {there!r}, but the estimator is {here!r}: another kind, model or settings. Files "
+            f"round their numbers: load battery and robot from them before the first start, too. Now {_ADVICE}"
         )
 
 
