@@ -1,4 +1,4 @@
-"""Runs of a condition: half-open, in order, at both ends too; windows of time."""
+"""Runs of a condition: half-open, in order, at both ends too; windows of time; lines over missing values."""
 
 from itertools import pairwise
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.runs import runs, window_starts
+from ohmward.runs import between, interpolated, runs, window_starts
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,17 @@ def test_windows_start_where_the_number_of_the_window_changes(steps_s, earlier_s
     number = (time_s - begin_s) // window_s
     expected = np.flatnonzero(np.diff(number, prepend=-np.inf))
     np.testing.assert_array_equal(window_starts(time_s, window_s, begin_s), expected)
+
+
+def test_lines_lie_between_samples_that_are_near_and_nowhere_else():
+    time_s = np.arange(0.0, 32.0)
+    values = np.full(32, np.nan)
+    values[[1, 6, 30]] = [1.0, 6.0, 30.0]
+    nan = np.nan
+    assert between(time_s, values)[[0, 3, 20, 31]] == pytest.approx([nan, 3.0, 20.0, nan], nan_ok=True)
+    near = between(time_s, values, 10.0)
+    assert np.flatnonzero(np.isfinite(near)).tolist() == [1, 2, 3, 4, 5, 6, 30]
+    assert near[:7] == pytest.approx(np.r_[nan, 1.0:7.0], nan_ok=True)
+    at_s = np.array([0.5, 1.0, 2.5, 6.0, 6.5, 30.0, 30.5])
+    assert interpolated(at_s, time_s, values, 10.0) == pytest.approx([nan, 1, 2.5, 6, nan, 30, nan], nan_ok=True)
+    assert np.isnan(interpolated(at_s, time_s, np.full(32, nan))).all()

@@ -1,4 +1,4 @@
-"""Runs of a condition, and windows of time, along a log."""
+"""Runs of a condition, windows of time, and straight lines over missing values, along a log."""
 
 from __future__ import annotations
 
@@ -28,6 +28,28 @@ def window_starts(time_s: np.ndarray, window_s: float, begin_s: float) -> np.nda
     """
     windows = int((time_s[-1] - begin_s) // window_s) + 1
     return np.unique(np.searchsorted(time_s, begin_s + window_s * np.arange(windows)))
+
+
+def interpolated(at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
+    """Values (N,) at times on straight lines between known samples; nan elsewhere, and across more than `longest_s`.
+
+    at_s: (N,).  time_s: (T,) [s] increasing.  values: (T,), nan where unknown.
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(len(at_s), np.nan)
+    t = time_s[known]
+    found = np.interp(at_s, t, values[known], left=np.nan, right=np.nan)
+    if longest_s == np.inf:
+        return found
+    after = np.minimum(np.searchsorted(t, at_s), t.size - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where((t[after] - t[before] <= longest_s) | (t[after] == at_s), found, np.nan)
+
+
+def between(time_s: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
+    """The values (T,) with straight lines over nan, as `interpolated`."""
+    return values if np.isfinite(values).all() else interpolated(time_s, time_s, values, longest_s)
 
 
 def from_to(time_s: np.ndarray) -> str:

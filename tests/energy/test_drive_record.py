@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.energy.drive_record import observe_motion, record_drive
 from ohmward.logs import DriveLog, Log
-from ohmward.traction import ROBOTINO, hard_terrain
+from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
 
@@ -24,3 +24,24 @@ def test_travel_in_every_direction_is_driving(direction):
     driven = [one.stretch for one in record.driven if one.stretch.terrain == "carpet"]
     assert sum(stretch.time_s for stretch in driven) == pytest.approx(15.0, abs=2.0)
     assert record.balance is not None and record.balance.energy.balance.rolling > 1.0
+
+
+def test_nothing_is_driven_where_the_wheels_were_not_recorded():
+    """Wheels from 0 to 5 s and from 65 to 70 s at 0.5 m/s, the battery for two minutes."""
+    time_s = np.concatenate([np.arange(0.0, 5.0, 0.02), np.arange(65.0, 70.0, 0.02)])
+    wheels = np.full((time_s.size, 4), 0.5 / RLMA.wheel.radius_m)
+    drive = DriveLog("drive", time_s, wheels, np.full((time_s.size, 2), 0.3))
+    battery = Log("battery", np.arange(0.0, 120.0), np.full(120, -1.0), np.full(120, 24.0))
+    record = record_drive(battery, observe_motion(RLMA, drive, hard_terrain("dry asphalt"), battery.time_s), "grass")
+    assert sum(d.stretch.distance_m for d in record.driven) < 0.5 * 10.0
+    assert all(d.stop_s <= 70.0 for d in record.driven)
+
+
+def test_the_balance_takes_no_power_from_a_battery_that_was_not_recorded():
+    time_s = np.arange(0.0, 60.0, 0.02)
+    wheels = np.full((time_s.size, 4), 0.5 / RLMA.wheel.radius_m)
+    drive = DriveLog("drive", time_s, wheels, np.full((time_s.size, 2), 0.3))
+    battery = Log("battery", np.arange(0.0, 21.0), np.full(21, -1.0), np.full(21, 24.0))
+    record = record_drive(battery, observe_motion(RLMA, drive, hard_terrain("dry asphalt"), battery.time_s), "grass")
+    assert record.balance is not None
+    assert record.balance.energy.balance.battery == pytest.approx(24.0 * 20.0)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.cut_drive import Cut, bridged, cut_drive
+from ohmward.energy.cut_drive import Cut, cut_drive
 from ohmward.errors import InputError
 
 T = np.arange(0.0, 301.0)
@@ -53,14 +53,7 @@ def test_gaps_are_left_out_and_short_ones_bridged():
     power[100:150] = np.nan
     power[200:203] = np.nan
     found = cut_drive(T, np.full(301, 0.5), power, "grass")
-    assert sum(d.stretch.time_s for d in found) == pytest.approx(300.0 - 51.0, abs=11.0)
-
-
-def test_bridging_is_a_straight_line():
-    values = np.array([1.0, np.nan, 3.0, np.nan, np.nan, np.nan, np.nan, 8.0])
-    assert bridged(np.arange(8.0), values, 3.0) == pytest.approx(
-        [1.0, 2.0, 3.0, 4.0, np.nan, np.nan, 7.0, 8.0], nan_ok=True
-    )
+    assert sum(d.stretch.time_s for d in found) == pytest.approx(300.0 - 51.0)
 
 
 def test_the_payload_is_that_of_the_drive():

@@ -14,7 +14,7 @@ from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
 from ohmward.energy.leg import STRETCH_S, Stretch, joined
 from ohmward.errors import InputError
-from ohmward.runs import runs
+from ohmward.runs import between, runs
 
 #: Label of the intervals in which the robot stands.
 _STANDS = -1
@@ -103,21 +103,10 @@ def _bridged_drive(
     time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None, gap_s: float
 ) -> _BridgedDrive:
     """The drive with short gaps bridged; an unknown slope is interpolated between its known neighbours."""
-    speed = bridged(time_s, speed_m_s, gap_s)
-    grade = np.zeros(len(time_s)) if grade_rad is None else np.nan_to_num(bridged(time_s, grade_rad, np.inf))
+    speed = between(time_s, speed_m_s, gap_s)
+    grade = np.zeros(len(time_s)) if grade_rad is None else np.nan_to_num(between(time_s, grade_rad))
     height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
-    return _BridgedDrive(time_s, speed, bridged(time_s, battery_W, gap_s), height_m)
-
-
-def bridged(time_s: np.ndarray, values: np.ndarray, gap_s: float) -> np.ndarray:
-    """(T,) values with a straight line over nan, except where the known samples are farther apart than `gap_s`."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not known.size:
-        return np.full(len(time_s), np.nan)
-    at = np.searchsorted(known, np.arange(len(time_s)))
-    after, before = known[np.minimum(at, known.size - 1)], known[np.maximum(at - 1, 0)]
-    near = np.minimum(np.abs(time_s[after] - time_s), np.abs(time_s - time_s[before])) <= gap_s / 2
-    return np.where(near | np.isfinite(values), np.interp(time_s, time_s[known], values[known]), np.nan)
+    return _BridgedDrive(time_s, speed, between(time_s, battery_W, gap_s), height_m)
 
 
 def _labels(drive: _BridgedDrive, names: np.ndarray, cut: Cut) -> np.ndarray:

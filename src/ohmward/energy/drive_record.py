@@ -12,13 +12,14 @@ import numpy as np
 
 from ohmward.energy.balance import DRIVE_TERMS, DriveEnergy, drive_balance, integrate_drive
 from ohmward.energy.consumption import Consumption, begin_drive, energy_demand
-from ohmward.energy.cut_drive import Driven, cut_drive
+from ohmward.energy.cut_drive import Cut, Driven, cut_drive
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
+from ohmward.runs import interpolated
 from ohmward.traction.drive_checks import mended
 from ohmward.traction.dynamics.forces import EnergyBalance, Scene
 from ohmward.traction.friction.terrain import Terrain
@@ -78,6 +79,8 @@ def observe_motion(
 ) -> BodyMotion:
     """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
 
+    Both are nan before and after the drive, and in its gaps longer than `Cut.gap_s`.
+
     terrain: ground assumed at the start.
     """
     drive = mended(robot, drive)
@@ -87,8 +90,7 @@ def observe_motion(
     if robot.freedoms == 3:  # it also travels sideways, and only its forward part climbs
         forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))
         grade_rad = grade_rad * forward_m_s / np.maximum(speed_m_s, np.finfo(float).tiny)
-    speed = np.interp(time_s, drive.time_s, speed_m_s)
-    grade = np.interp(time_s, drive.time_s, grade_rad)
+    speed, grade = (interpolated(time_s, drive.time_s, values, Cut.gap_s) for values in (speed_m_s, grade_rad))
     level = not chosen.observer.states.grade and "pitch_rad" not in drive.channels
     wheels = ObservedWheels(drive, track, chosen.observer.scene)
     return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
@@ -143,8 +145,7 @@ def _balance(
     drive, track, scene = wheels
     if not np.isfinite(drive.motor_current_A).any():
         return None
-    known = np.isfinite(battery_W)
-    at_drive_W = np.interp(drive.time_s, time_s[known], battery_W[known])
+    at_drive_W = interpolated(drive.time_s, time_s, battery_W, Cut.gap_s)
     power = drive_balance(drive, track.estimates, scene, at_drive_W, standing_power_W(driven))
     return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, scene.robot))
 

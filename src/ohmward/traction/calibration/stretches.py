@@ -12,6 +12,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
+from ohmward.runs import between
 from ohmward.traction.motion.outside_speed import STUCK_SHARE
 from ohmward.traction.robot.robot import Robot, motion_from_wheels
 from ohmward.traction.score import DriveTruth
@@ -81,18 +82,6 @@ def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np
 def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """Motion (T, freedoms) of a robot from a planar motion (T, 3), without the lateral speed if it has none."""
     return motion if robot.freedoms == 3 else motion[:, [0, 2]]
-
-
-def between(time_s: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
-    """Values (T,) with straight lines across gaps up to `longest_s`, nan before the first and after the last."""
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return values
-    t = time_s[known]
-    line = np.interp(time_s, t, values[known], left=np.nan, right=np.nan)
-    after = np.minimum(np.searchsorted(t, time_s), t.size - 1)
-    gap_s = t[after] - t[np.maximum(after - 1, 0)]
-    return np.where(known | (gap_s <= longest_s), line, np.nan)
 
 
 def local_slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
