@@ -287,3 +287,10 @@ def test_a_smooth_floor_teaches_nothing_of_other_terrains():
 def test_what_is_refused(call, message):
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_a_jump_of_the_speed_between_two_samples_is_no_force():
+    c = with_terrain(start(PRIOR), "grass")
+    jump = Stretch("grass", 1e-6, 5e-7, 2.5e-7, kinetic_m2_s2=0.1)  # from 0.4 to 0.6 m/s in a microsecond
+    assert design_row(c, jump)[HEAT] < 1.0
+    assert np.isfinite(jacobian(c, jump._replace(distance_m=1e-200))).all()

@@ -16,7 +16,7 @@ from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.cut_drive import cut_drive
 from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
-from ohmward.energy.range_step import RangeSample, battery_state, usual_ground
+from ohmward.energy.range_step import RangeEstimate, RangeSample, battery_state, usual_ground
 from ohmward.energy.sag import Sag
 from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError
@@ -93,6 +93,27 @@ def test_the_ground_ahead_is_another_sample_of_that_of_late():
     assert ground_std(c, hilly) > 3 * ground_std(c, even)
     assert ground_std(c, even[:1]) > 0.3 * mean_J_per_m  # one tells nothing of the others
     assert ground_std(c, []) == 0.0
+
+
+def test_starts_and_stops_are_no_sample_of_the_ground():
+    c = with_terrain(begin_drive(NEW), "grass")
+    even = [stretch_of(Leg(50.0, "grass", 0.5))] * 20
+    slow = stretch_of(Leg(0.1, "grass", 0.02))  # five seconds, mostly of idle power
+    assert ground_std(c, [*even, slow]) == ground_std(c, even)
+    short = [stretch_of(Leg(2.5, "grass", 0.5))] * 20
+    assert ground_std(c, short) == pytest.approx(ground_std(c, even[:1]))  # all together are one sample
+
+
+@pytest.mark.parametrize("crawl_m_s", [1e-9, 1e-30, 1e-170])
+def test_a_crawl_between_two_gaps_changes_no_range(crawl_m_s):
+    def after(speed_m_s: float) -> RangeEstimate:
+        estimator = new(terrain="grass", refresh_s=1e9)
+        speeds = [0.5] * 100 + [math.nan] * 8 + [speed_m_s] * 2 + [math.nan] * 8 + [0.5] * 100
+        for k, speed in enumerate(speeds):
+            estimator.update(2.0 * k, 0.8, speed, -1.0, V)
+        return estimator.settings.forecast(estimator.state, last_sample(estimator))
+
+    assert after(crawl_m_s).distance_m == pytest.approx(after(0.0).distance_m)
 
 
 def last_sample(estimator: RangeEstimator) -> RangeSample:

@@ -48,7 +48,9 @@ _IDLE_SPEED_M_S = 30.0
 #: Smallest resistance used in squares, relative to the expected one.
 _LEAST_FORCE = 0.1
 #: Shortest stretch that updates the coefficients of a terrain: a shorter one is a start or a stop.
-_SHORTEST_M = 3.0
+SHORTEST_M = 3.0
+#: Shortest distance over which the wheels' work becomes a force: the speed may jump between two samples.
+_LEAST_M = 0.01
 #: NIS above which the filter iterates, with half steps, and the largest number of iterations. On ground as expected,
 #: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
@@ -173,7 +175,7 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
     weight = scatter_weight(c, stretch)
-    teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= _SHORTEST_M)
+    teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= SHORTEST_M)
     if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
     R = c.scatter.value * weight
@@ -260,10 +262,10 @@ def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
     dE/dW = 2 r W t_d / d^2, plus b - a where the wheels brake.
     """
     x = design_row(c, stretch)
-    if not stretch.terrain or not stretch.distance_m:
+    if not stretch.terrain:
         return x
     work_J = wheel_work_J(c, stretch)
-    heat = 2 * max(float(c.mean[HEAT]), 0.0) * work_J * moving_time_s(stretch) / stretch.distance_m**2
+    heat = 2 * max(float(c.mean[HEAT]), 0.0) * work_J * moving_time_s(stretch) / max(stretch.distance_m, _LEAST_M) ** 2
     by_work = heat + (c.mean[REGENERATION] - c.mean[CLIMB] if work_J < 0.0 else 0.0)
     climb = max(float(c.mean[CLIMB]), 1.0)
     forces = [SPEED, c.force_index(stretch.terrain)]
@@ -310,7 +312,7 @@ def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
 
 def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
     """W / d: mean force [N] of the wheels."""
-    return wheel_work_J(c, stretch) / stretch.distance_m if stretch.distance_m else 0.0
+    return wheel_work_J(c, stretch) / max(stretch.distance_m, _LEAST_M)
 
 
 def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:

@@ -73,10 +73,10 @@ def cut_drive(
     _check(time_s, speed_m_s, battery_W, names, grade_rad)
     drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad, cut.gap_s)
     labels = _labels(drive, names, cut)
+    still = _still(drive.speed_m_s, cut)
     driven = []
     for intervals in _pieces(time_s, labels, cut.longest_s):
-        label = labels[intervals.start]
-        name = "" if label == _STANDS else names[intervals.start]
+        name = "" if still[intervals].all() else names[intervals.start]
         samples = slice(intervals.start, intervals.stop + 1)
         driven.append(_driven(drive.rows(samples), name, payload_kg, cut))
     if not driven:
@@ -196,24 +196,38 @@ class DriveMeter(NamedTuple):
     last: DriveSample | None = None
     moving: Measured | None = None
     stop: Measured | None = None
+    measured: DriveSample | None = None  #: last sample with speed and power, until a gap
 
 
 def advance(meter: DriveMeter, now: DriveSample, cut: Cut) -> tuple[DriveMeter, list[Measured]]:
     """The drive after a sample, and the stretches that it has finished.
 
-    A stop shorter than `cut.standing_s` is part of the stretch in which it happens. Intervals with a missing
-    measurement, or longer than `cut.gap_s`, are left out.
+    A stop shorter than `cut.standing_s` is part of the stretch in which it happens. Samples without speed or power are
+    bridged; where the measured ones are farther apart than `cut.gap_s`, the stretch ends.
     """
-    before = meter.last
-    if before is None or not _is_bridged(before, now, cut):
-        return DriveMeter(now), [_finished(part) for part in (meter.moving, meter.stop) if part]
+    before, is_measured = meter.measured, math.isfinite(now.speed_m_s) and math.isfinite(now.battery_W)
+    if before is None or not 0.0 < now.time_s - before.time_s <= cut.gap_s:
+        return DriveMeter(now, measured=now if is_measured else None), list(map(_finished, _ended(meter)))
+    if not is_measured:
+        return meter._replace(last=now), []
     interval = _interval(before, now)
     if max(abs(before.speed_m_s), abs(now.speed_m_s)) < cut.standing_m_s:
         standing = interval.stretch._replace(standing_s=interval.stretch.time_s)
         moving, stop, done = _stand(meter, interval._replace(stretch=standing), cut)
     else:
         moving, stop, done = _move(meter, interval, cut)
-    return DriveMeter(now, moving, stop), [_finished(part) for part in done]
+    return DriveMeter(now, moving, stop, now), list(map(_finished, done))
+
+
+def _ended(meter: DriveMeter) -> list[Measured]:
+    """Parts of a drive that ends here; a short stop is part of the stretch before it, or stands for itself."""
+    moving, stop = meter.moving, meter.stop
+    if stop is None:
+        return [moving] if moving else []
+    if moving and moving.stretch.terrain == stop.stretch.terrain:
+        return [_joined(moving, stop)]
+    standing = _standing(stop)
+    return [moving, standing] if moving else [standing]
 
 
 _Step = tuple[Measured | None, Measured | None, list[Measured]]
@@ -224,7 +238,7 @@ def _stand(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
     stop = _together(meter.stop, interval, cut)
     if stop.stretch.time_s < cut.standing_s:
         return meter.moving, stop, []
-    standing = stop._replace(stretch=Stretch("", stop.stretch.time_s))
+    standing = _standing(stop)
     done = [meter.moving] if meter.moving else []
     if standing.stretch.time_s >= cut.longest_s:
         return None, None, [*done, standing]
@@ -247,10 +261,9 @@ def _move(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
     return moving, None, done
 
 
-def _is_bridged(before: DriveSample, now: DriveSample, cut: Cut) -> bool:
-    """True where the drive may be interpolated between two samples."""
-    measured = (before.speed_m_s, before.battery_W, now.speed_m_s, now.battery_W)
-    return all(map(math.isfinite, measured)) and 0.0 < now.time_s - before.time_s <= cut.gap_s
+def _standing(stop: Measured) -> Measured:
+    """A stop as a stretch of its own."""
+    return stop._replace(stretch=Stretch("", stop.stretch.time_s))
 
 
 def _interval(a: DriveSample, b: DriveSample) -> Measured:
@@ -273,13 +286,18 @@ def _together(first: Measured | None, second: Measured, cut: Cut) -> Measured:
     """Join two consecutive parts of one stretch; the height gained enters the stretch when that is due."""
     if first is None:
         return second
-    both = Measured(
+    both = _joined(first, second)
+    return _finished(both) if both.rise_s >= cut.height_s else both
+
+
+def _joined(first: Measured, second: Measured) -> Measured:
+    """Two consecutive parts of one stretch as one."""
+    return Measured(
         joined(first.stretch, second.stretch),
         first.energy_J + second.energy_J,
         first.rise_m + second.rise_m,
         first.rise_s + second.rise_s,
     )
-    return _finished(both) if both.rise_s >= cut.height_s else both
 
 
 def _finished(part: Measured) -> Measured:

@@ -20,7 +20,14 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.checks import require_between
-from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand, energy_demands
+from ohmward.energy.consumption import (
+    SHORTEST_M,
+    Consumption,
+    EnergyDemand,
+    design_row,
+    energy_demand,
+    energy_demands,
+)
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.peaks import PeakRatio, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
@@ -163,13 +170,15 @@ def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
     """Standard deviation [J/m] of the difference in mean energy between the ground ahead and the recent stretches.
 
     Both are samples of the same ground: with the variance s^2 from stretch to stretch and n stretches of equal length,
-    s sqrt(2 / n). Stretches are weighted by their length.
+    s sqrt(2 / n). Stretches are weighted by their length; starts and stops are no sample of the ground, unless there is
+    nothing else: then all of them are one.
     """
     driven = [s for s in recent if s.distance_m > 0.0]
     if not driven:
         return 0.0
-    length_m = np.array([s.distance_m for s in driven])
-    per_m = np.array([float(design_row(c, s) @ c.mean) for s in driven]) / length_m
+    parts = [[s] for s in driven if s.distance_m >= SHORTEST_M] or [driven]
+    length_m = np.array([total_distance_m(part) for part in parts])
+    per_m = np.array([sum(float(design_row(c, s) @ c.mean) for s in part) for part in parts]) / length_m
     share = length_m / length_m.sum()
     mean, count = float(share @ per_m), 1.0 / float(share @ share)
     seen = count * float(share @ (per_m - mean) ** 2)

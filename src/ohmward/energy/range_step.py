@@ -62,7 +62,7 @@ class RangeFlag(SampleFlag):
     """
 
     NO_SOC = 1  # no number: the last one is held; before the first there is no forecast
-    NO_POWER = 2  # current or voltage is missing: nothing is learned from this part of the drive
+    NO_POWER = 2  # current or voltage is missing; where it is for longer than `cut.gap_s`, nothing is learned
     NO_SPEED = 4  # likewise
     BAD_TIME = 8  # no number, or late: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
