@@ -65,3 +65,30 @@ def test_the_means_begin_anew_after_a_gap():
 def test_a_log_says_the_same_as_its_samples():
     log = Log("drive", T, CURRENT_A, 26.0 + OHM * CURRENT_A)
     assert sag_along(log).ohm.mean == pytest.approx(OHM, rel=1e-12)
+
+
+def test_noise_of_the_current_is_no_load():
+    """Least squares would give three quarters of the resistance for loads like the noise, and nearly zero at rest."""
+    rng = np.random.default_rng(5)
+    loads_A = -1.0 + 0.02 * (CURRENT_A - CURRENT_A.mean())
+    noise_A, noise_V = 0.02 * rng.standard_normal(T.size), 0.001 * rng.standard_normal(T.size)
+    assert sag_of(-1.0 + noise_A, 25.7 + noise_V).ohm == NO_SAG
+    ohm = sag_of(loads_A + noise_A, 26.0 + OHM * loads_A + noise_V).ohm
+    assert ohm.mean == pytest.approx(OHM, rel=0.05) and ohm.std < 0.5 * OHM
+
+
+def test_some_seconds_give_no_resistance():
+    voltage_V = 26.0 + OHM * CURRENT_A
+    assert sag_of(CURRENT_A[:50], voltage_V[:50]).ohm == NO_SAG
+    assert sag_of(CURRENT_A[:200], voltage_V[:200]).ohm.mean == pytest.approx(OHM)
+
+
+def test_rest_before_a_load_makes_nothing_more_certain():
+    """Ten seconds of load after an hour of rest, by a pair of which they show a part only."""
+    load_A = np.where(np.arange(3610) < 3600, 0.0, -5.0)
+    slow_V, along = 0.0, []
+    for current in load_A:
+        slow_V += (1.0 - math.exp(-1.0 / 5.0)) * (0.2 * current - slow_V)
+        along.append(slow_V)
+    ohm = sag_of(load_A, 26.0 + 0.1 * load_A + np.array(along)).ohm
+    assert ohm.mean == pytest.approx(0.3, abs=2 * ohm.std)
