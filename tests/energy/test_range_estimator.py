@@ -16,7 +16,7 @@ from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.cut_drive import cut_drive
 from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
-from ohmward.energy.range_step import RangeEstimate, RangeSample, battery_state, usual_ground
+from ohmward.energy.range_step import RangeEstimate, RangeSample, RangeSettings, battery_state, usual_ground
 from ohmward.energy.sag import Sag
 from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError
@@ -193,6 +193,87 @@ def test_missing_values_and_faults_are_survived_and_flagged():
     assert all(np.isfinite(q) for q in driven(estimator)[-1].distance_m)
 
 
+@pytest.mark.parametrize(("given", "flags", "used"), [(1.003, 0, 1.0), (-0.002, RangeFlag.RESERVE, 0.0)])
+def test_a_charge_is_rounded_into_its_limits(given, flags, used):
+    estimator = new()
+    assert estimator.update(0.0, given, 0.5, -1.0, V).flags == flags
+    assert estimator.state.soc.soc == used
+
+
+@pytest.mark.parametrize("given", [80.0, -3.0, math.inf, 1e308])
+def test_a_charge_far_outside_its_limits_is_missing(given):
+    estimator = new()
+    before = estimator.update(0.0, 0.8, 0.5, -1.0, V)
+    assert estimator.update(1.0, given, 0.5, -1.0, V) == before._replace(driven_m=0.5, flags=RangeFlag.NO_SOC)
+
+
+@pytest.mark.parametrize("home", [1e308, math.inf, -5.0])
+def test_a_way_home_that_cannot_be_is_not_known(home):
+    assert math.isnan(new().update(0.0, 0.8, 0.5, -1.0, V, home=home).home_probability)
+
+
+def test_a_way_home_of_nearly_nothing_is_reached():
+    assert new().update(0.0, 0.8, 0.5, -1.0, V, home=1e-320).home_probability == 1.0
+
+
+@pytest.mark.parametrize("field", ["soh_capacity", "soh_capacity_std", "resistance_ratio", "resistance_ratio_std"])
+@pytest.mark.parametrize("value", [math.inf, -1.0, 1e308])
+def test_an_estimate_that_cannot_be_spoils_no_band(field, value):
+    estimate = SocEstimate(0.8, 0.01, V, 0.1, 0.0, 0.0, 0.1, 1.0, 0.05, 1.0, 0.05, 0)
+    expected = new().update(0.0, estimate, 0.5, -1.0, V).distance_m
+    found = new().update(0.0, estimate._replace(**{field: value}), 0.5, -1.0, V).distance_m
+    assert 0.1 * expected.p10 < found.p10 < found.p90 < 2.0 * expected.p90
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_an_estimate_without_a_standard_deviation_is_missing(value):
+    estimate = SocEstimate(0.8, value, V, 0.1, 0.0, 0.0, 0.1, 1.0, 0.05, 1.0, 0.05, 0)
+    assert new().update(0.0, estimate, 0.5, -1.0, V).flags == RangeFlag.NO_SOC
+
+
+def test_without_times_there_is_one_forecast(monkeypatch):
+    made = []
+    forecast = RangeSettings.forecast
+
+    def counted(*given):
+        made.append(1)
+        return forecast(*given)
+
+    monkeypatch.setattr(RangeSettings, "forecast", counted)
+    estimator = new()
+    estimates = [estimator.update(math.nan, 0.8, 0.5, -1.0, V) for _ in range(20)]
+    assert len(made) == 1 and all(math.isfinite(e.distance_m.p50) for e in estimates)
+
+
+def test_a_slope_that_cannot_be_is_no_climb():
+    estimator = new(terrain="grass")
+    for k in range(100):
+        estimator.update(float(k), 0.8, 0.5, -1.0, V, grade_rad=1e9 if k % 3 else 0.0)
+    assert estimator.state.meter.moving is not None
+    assert estimator.state.meter.moving.stretch.climb_m == estimator.state.meter.moving.stretch.descent_m == 0.0
+
+
+def test_faults_of_every_kind_spoil_no_range():
+    """A tenth of the values garbage, a clock that jumps, restarts from snapshots: as without, within a third."""
+    garbage = [None, math.nan, math.inf, -math.inf, 1e308, -1e308, 1e9, -1e4, np.float32("nan"), np.int64(-(10**6))]
+    options = {"terrain": "grass", "refresh_s": 300.0}
+    clean, faulty = new(**options), new(**options)
+    rng, clock_s = np.random.default_rng(7), 0.0
+    for k in range(2000):
+        speed_m_s = 0.5 if k % 300 < 240 else 0.0
+        values = [0.8 - 1e-4 * k, speed_m_s, -1.1 if speed_m_s else -0.4, V, 0.01, None, 300.0, 20.0]
+        expected = clean.update(float(k), *values)
+        clock_s += 1.0 if rng.random() > 0.005 else float(rng.choice([-1e5, -30.0, 30.0, 1e5]))
+        given = [garbage[rng.integers(len(garbage))] if rng.random() < 0.1 else v for v in [clock_s, *values]]
+        now = faulty.update(*given[:6], None, *given[7:])
+        assert now.distance_m.p10 <= now.distance_m.p50 <= now.distance_m.p90 or math.isnan(now.distance_m.p50)
+        assert math.isnan(now.home_probability) or 0.0 <= now.home_probability <= 1.0
+        if rng.random() < 0.01:
+            faulty = RangeEstimator.restore(BATTERY, json.loads(json.dumps(faulty.snapshot())), **options)
+    assert now.distance_m.p10 == pytest.approx(expected.distance_m.p10, rel=0.33)
+    assert now.distance_m.p50 == pytest.approx(expected.distance_m.p50, rel=0.33)
+
+
 def test_a_broken_wire_of_a_thermometer_is_no_temperature():
     without, broken = new(), new()
     at_first = without.update(0.0, 0.8, 0.5, -1.0, V)
@@ -271,7 +352,7 @@ def test_the_representation_says_what_is_left():
         (lambda: new(terrain=""), "terrain must be the name of a ground"),
         (lambda: new(refresh_s=0.0), "refresh_s must be > 0"),
         (
-            lambda: new().update(0.0, 80.0),
+            lambda: new().run(Log("drive", T, -POWER / V, np.full(len(T), V)), np.full(len(T), 80.0), SPEED),
             r"soc must be between 0 and 1 \(0.8 is 80 %\), got 80",
         ),
         (lambda: new().update(0.0, 0.8, "fast"), "speed_m_s must be a number"),

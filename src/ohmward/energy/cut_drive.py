@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
-from ohmward.energy.leg import STRETCH_S, Stretch, joined
+from ohmward.energy.leg import STEEPEST_RAD, STRETCH_S, Stretch, joined
 from ohmward.errors import InputError
 from ohmward.runs import between, runs
 
@@ -62,7 +62,7 @@ def cut_drive(
     speed_m_s: (T,) forward.  battery_W: (T,) > 0 out of the battery; nan in either is bridged where its neighbours are
         close.
     terrain: name of the ground under each sample (T,), or one for all.
-    grade_rad: (T,) > 0 with the nose up; level ground by default.
+    grade_rad: (T,) > 0 with the nose up; level ground by default. Slopes steeper than 45 degrees are unknown.
     payload_kg: on top of the robot's mass.
 
     Raises:
@@ -104,7 +104,10 @@ def _bridged_drive(
 ) -> _BridgedDrive:
     """The drive with short gaps bridged; an unknown slope is interpolated between its known neighbours."""
     speed = between(time_s, speed_m_s, gap_s)
-    grade = np.zeros(len(time_s)) if grade_rad is None else np.nan_to_num(between(time_s, grade_rad))
+    grade = np.zeros(len(time_s))
+    if grade_rad is not None:
+        credible = np.where(np.abs(grade_rad) <= STEEPEST_RAD, grade_rad, np.nan)
+        grade = np.nan_to_num(between(time_s, credible))
     height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
     return _BridgedDrive(time_s, speed, between(time_s, battery_W, gap_s), height_m)
 
@@ -176,7 +179,7 @@ class DriveSample(NamedTuple):
     time_s: float  #: on any clock
     speed_m_s: float  #: forward
     battery_W: float  #: > 0 out of the battery
-    grade_rad: float  #: > 0 with the nose up
+    grade_rad: float  #: > 0 with the nose up; unknown where steeper than 45 degrees
     terrain: str  #: name of the ground
 
 
@@ -277,8 +280,8 @@ def _interval(a: DriveSample, b: DriveSample) -> Measured:
         speed_distance_m2_s=half_s * (v * v + w * w),
         kinetic_m2_s2=0.5 * (w * w - v * v),
     )
-    climbing_m_s = [s.speed_m_s * math.sin(s.grade_rad) for s in (a, b) if math.isfinite(s.grade_rad)]
-    rise_m = half_s * sum(climbing_m_s)
+    climbing_m_s = [s.speed_m_s * math.sin(s.grade_rad) for s in (a, b) if abs(s.grade_rad) <= STEEPEST_RAD]
+    rise_m = 2.0 * half_s * sum(climbing_m_s) / max(len(climbing_m_s), 1)
     return Measured(stretch, half_s * (a.battery_W + b.battery_W), rise_m, stretch.time_s)
 
 

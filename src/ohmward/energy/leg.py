@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.errors import InputError
 
-#: Steepest slope [rad] that a plan for a wheeled robot may have: 45 degrees.
+#: Steepest slope [rad] that a wheeled robot may meet: 45 degrees.
 STEEPEST_RAD = math.pi / 4
 #: Longest stretch [s] that a drive is cut into; its peak of power and its mean load are those of a stretch.
 STRETCH_S = 180.0

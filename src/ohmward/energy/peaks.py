@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.energy.consumption import Consumption, design_row, moving_time_s
-from ohmward.energy.leg import STRETCH_S, Stretch
+from ohmward.energy.leg import STRETCH_S, Stretch, total_time_s
 from ohmward.energy.points import normal_tail
 
 #: Prior of the ratio of peak to mean, that of a stretch of three minutes over uneven ground with starts; standard
@@ -21,6 +21,8 @@ from ohmward.energy.points import normal_tail
 _USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 1.0
 #: Shortest stretch with a peak of its own [s].
 PEAKED_S = 10.0
+#: Smallest time [s] used as a divisor.
+_LEAST_S = 1e-9
 #: Step of the grid of powers, in their logarithm.
 _LOG_STEP = 0.02
 #: Upper end of the grid above the highest expected peak, in standard deviations.
@@ -74,7 +76,7 @@ def peaks_of_way(c: Consumption, way: Sequence[Stretch], ratio: PeakRatio) -> Pe
     logs = np.log(means_W[means_W > 0.0]) + ratio_mean
     grid = np.arange(logs.min() - ratio_std, logs.max() + _HIGHEST_SIGMA * ratio_std, _LOG_STEP)
     exceeded = normal_tail((grid[:, None] - logs) / ratio_std) @ counts[means_W > 0.0]
-    return Peaks(np.exp(grid), exceeded / sum(s.time_s for s in way))
+    return Peaks(np.exp(grid), exceeded / max(total_time_s(way), _LEAST_S))
 
 
 def mean_power_W(c: Consumption, stretch: Stretch) -> float:

@@ -37,6 +37,13 @@ from ohmward.trace import snapshot
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
+#: A state of charge outside [0, 1] by no more than this is rounded; farther outside it is none.
+ROUNDED_SOC = 0.05
+#: Credible capacity and resistance, relative to the file's.
+CREDIBLE_RATIO = 0.05, 20.0
+#: Longest credible way home [m].
+LONGEST_M = 1e7
+
 
 def _settings(battery: Battery, options: Mapping[str, Any]) -> RangeSettings:
     """The settings from options; InputError for an unknown option."""
@@ -127,7 +134,8 @@ class RangeEstimator:
         """Range after one live sample; None and nan are missing values.
 
         time_s: of the sample; a late one is flagged and not used for the drive.
-        soc: the result of `SocEstimator.update`, or a number in [0, 1] that is assumed exact.
+        soc: the result of `SocEstimator.update`, or a number in [0, 1] that is assumed exact; one outside by more than
+            0.05 is missing.
         speed_m_s: of the body, forward.
         current_A, voltage_V: of the battery; current > 0 charges.
         grade_rad: > 0 with the nose up.
@@ -137,21 +145,21 @@ class RangeEstimator:
         plan: the legs ahead, nearest first, as far as they are known; beyond them the ground is like the recent one.
 
         Raises:
-            InputError: anything but numbers, or a state of charge outside [0, 1].
+            InputError: anything but numbers.
         """
         amperes, volts = number("current_A", current_A), number("voltage_V", voltage_V)
         battery_W = self.settings.battery_W(amperes, volts)
         if math.isnan(battery_W):
             amperes = volts = math.nan
         drive = DriveSample(
-            number("time_s", time_s),
+            _credible(number("time_s", time_s), -snapshot.LARGEST, snapshot.LARGEST),
             self.settings.speed_m_s(number("speed_m_s", speed_m_s)),
             battery_W,
             number("grade_rad", grade_rad),
             terrain or self.settings.terrain,
         )
         now = soc_now(soc, number("temperature_degC", temperature_degC))
-        way = home if isinstance(home, Sequence) else _missing_as_none(number("home", home))
+        way = home if isinstance(home, Sequence) else _length_m(number("home", home))
         self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts, plan))
         return estimate
 
@@ -175,7 +183,7 @@ class RangeEstimator:
         progress: called now and then with (steps done, T).
 
         Raises:
-            InputError: a column that is missing or of another length.
+            InputError: a column that is missing or of another length, or a state of charge in percent.
         """
         began = time.perf_counter()
         log = as_log(log)
@@ -184,6 +192,7 @@ class RangeEstimator:
             socs: Any = [SocEstimate(*row) for row in zip(*soc.estimates, strict=True)]
         else:
             socs = _column(log, "soc", soc)
+            _require_share(socs)
         columns: dict[str, Any] = {
             "time_s": log.time_s,
             "soc": socs,
@@ -224,32 +233,43 @@ class RangeEstimator:
 
 
 def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
-    """State of the battery from an estimate, or from a number that is assumed exact.
-
-    Raises:
-        InputError: a number outside [0, 1].
-    """
+    """State of the battery from an estimate, or from a number that is assumed exact."""
     if not is_temperature(temperature_degC):
         temperature_degC = math.nan
-    if isinstance(soc, SocEstimate):
-        known = min(max(float(soc.soc), 0.0), 1.0) if soc.soc == soc.soc else math.nan
-        return SocNow(
-            known,
-            float(soc.soc_std),
-            float(soc.soh_capacity),
-            float(soc.soh_capacity_std),
-            float(soc.resistance_ratio),
-            float(soc.resistance_ratio_std),
-            temperature_degC,
-        )
-    value = number("soc", soc)
-    if not math.isnan(value) and not 0.0 <= value <= 1.0:
-        raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {value:g}")
-    return SocNow(value, temperature_degC=temperature_degC)
+    if not isinstance(soc, SocEstimate):
+        value = number("soc", soc)
+        return SocNow(min(max(value, 0.0), 1.0) if _is_share(value) else math.nan, temperature_degC=temperature_degC)
+    is_known = math.isfinite(soc.soc) and 0.0 <= soc.soc_std <= 1.0
+    return SocNow(
+        min(max(float(soc.soc), 0.0), 1.0) if is_known else math.nan,
+        float(soc.soc_std),
+        _credible(soc.soh_capacity, *CREDIBLE_RATIO),
+        _credible(soc.soh_capacity_std, 0.0, CREDIBLE_RATIO[1]),
+        _credible(soc.resistance_ratio, *CREDIBLE_RATIO),
+        _credible(soc.resistance_ratio_std, 0.0, CREDIBLE_RATIO[1]),
+        temperature_degC,
+    )
 
 
-def _missing_as_none(value: float) -> float | None:
-    return None if math.isnan(value) else value
+def _credible(value: float, least: float, most: float) -> float:
+    return float(value) if least <= value <= most else math.nan
+
+
+def _require_share(soc: np.ndarray) -> None:
+    """Raise InputError for a column of the state of charge in percent."""
+    known = soc[np.isfinite(soc)]
+    usual = float(np.median(known)) if known.size else 0.0
+    if not _is_share(usual):
+        raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {usual:g}")
+
+
+def _is_share(soc: float) -> bool:
+    return -ROUNDED_SOC <= soc <= 1.0 + ROUNDED_SOC
+
+
+def _length_m(home_m: float) -> float | None:
+    """The length of the way home, None where it is none."""
+    return home_m if 0.0 <= home_m <= LONGEST_M else None
 
 
 def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:

@@ -61,7 +61,7 @@ class RangeFlag(SampleFlag):
     RangeFlag.NO_SOC|NO_POWER
     """
 
-    NO_SOC = 1  # no number: the last one is held; before the first there is no forecast
+    NO_SOC = 1  # no number in [0, 1]: the last one is held; before the first there is no forecast
     NO_POWER = 2  # current or voltage is missing; where it is for longer than `cut.gap_s`, nothing is learned
     NO_SPEED = 4  # likewise
     BAD_TIME = 8  # no number, or late: not used for the drive
@@ -183,7 +183,9 @@ class RangeSettings:
             state = self.drive(state, sample)
         else:
             flags |= RangeFlag.BAD_TIME
-        if not state.forecast_s <= time_s < state.forecast_s + self.refresh_s and math.isfinite(state.soc.soc):
+        is_due = not state.forecast_s <= time_s < state.forecast_s + self.refresh_s
+        has_time = clock_s == time_s or state.forecast_s == -math.inf
+        if is_due and has_time and math.isfinite(state.soc.soc):
             state = state._replace(forecast=self.forecast(state, sample), forecast_s=time_s)
         moving_m = state.meter.moving.stretch.distance_m if state.meter.moving else 0.0
         if state.soc.soc <= self.reserve_soc:
@@ -238,7 +240,7 @@ class RangeSettings:
         known = state.consumption
         for stretch in (*ahead, *plan, *home_m):
             known = with_terrain(known, stretch.terrain) if stretch.terrain else known
-        driven_s = sample.drive.time_s - state.began_s if math.isfinite(state.began_s) else math.inf
+        driven_s = _known(sample.drive.time_s - state.began_s, math.inf)
         of_home = replace(
             battery_now,
             peaks=peaks_of_way(known, home_m, state.peak_ratio),
