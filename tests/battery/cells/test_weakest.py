@@ -42,6 +42,13 @@ def test_cells_that_are_not_balanced_hold_less_than_each_of_them():
     assert found.capacity_Ah == pytest.approx(9.0)
 
 
+def test_a_pack_with_an_empty_and_a_full_cell_is_empty():
+    found = pack_state(cells([0.0, 1.0], [1.0, 1.0]), 10.0)
+    assert found.soc == found.capacity_Ah == 0.0 and found.soc_std == 1.0
+    nearly = pack_state(cells([0.02, 1.0], [1.0, 1.0]), 10.0)
+    assert nearly.soc == 1.0 and nearly.soc_std == pytest.approx(0.5)  # 0.1 of 0.2 Ah
+
+
 def test_it_works_along_a_log():
     estimates = cells(np.linspace([1.0, 0.95], [0.1, 0.0], 5), np.ones((5, 2)))
     found = pack_state(estimates, np.full(5, 2.0))

@@ -31,6 +31,8 @@ from ohmward.filters.consistency import BAND_95
 
 #: The grid of the integral over the largest of n normal variables.
 _GRID = np.linspace(-8.0, 8.0, 3201)
+#: Least capacity of a pack in computing its state of charge, relative to that of the typical cell.
+_LEAST_SHARE = 1e-3
 
 
 class PackState(NamedTuple):
@@ -63,12 +65,13 @@ def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
 
     usable_Ah, room = of_weakest(charge_Ah), np.min(room_Ah, axis=-1)
     pack_Ah = usable_Ah + room
+    divisor_Ah = np.maximum(pack_Ah, _LEAST_SHARE * np.asarray(typical_Ah))  # one cell empty, another one full
     of_soc_Ah = of_weakest(capacity_Ah * cells.soc_std)
     of_capacity_Ah = of_weakest(charge_Ah * cells.capacity_ratio_std / cells.capacity_ratio)
     usable_std_Ah = np.hypot(of_soc_Ah, of_capacity_Ah)
     return PackState(
-        soc=usable_Ah / pack_Ah,
-        soc_std=of_soc_Ah / pack_Ah,
+        soc=usable_Ah / divisor_Ah,
+        soc_std=np.minimum(of_soc_Ah / divisor_Ah, 1.0),
         usable_Ah=usable_Ah,
         usable_std_Ah=usable_std_Ah,
         capacity_Ah=pack_Ah,
