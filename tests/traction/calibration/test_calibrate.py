@@ -35,6 +35,23 @@ def test_a_floor_can_be_learnt_alone(drives):
     assert found.floor is not None and found.floor.name == "smooth"
 
 
+def test_one_part_needs_no_list(drives):
+    assert calibrate(drives, OMNI, parts="radius") == calibrate(drives, OMNI, parts=("radius",))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"parts": ("raduis",)}, "parts must be one of radius, track, motor, got 'raduis'"),
+        ({"rolling": (-0.01, 0.02)}, "rolling must be between 0 and 1, got -0.01"),
+        ({"rolling": (0.02, float("nan"))}, "rolling must be finite, got nan"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(drives, given, message):
+    with pytest.raises(InputError, match=message):
+        calibrate(drives, OMNI, **given)
+
+
 def stuck_drive(radius_m, moving_s, stuck_s, from_s=10.0):
     """[T]'s robot ahead at this true radius, its speed from outside once a second; in between, it is stuck."""
     rng = np.random.default_rng(1)

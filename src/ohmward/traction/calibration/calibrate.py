@@ -7,6 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
+from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
@@ -57,15 +58,19 @@ def calibrate(
     drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
         measured will do.
     robot: its mass and geometry are assumed correct; or the path of its file, or the name of a packaged one.
-    parts: some of `PARTS`; None for `usual_parts`.
+    parts: one or some of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
     rolling: rolling resistance of the floor, share of the load, and its standard deviation.
 
     Raises:
-        InputError: the drives have no stretch to calibrate from.
+        InputError: the drives have no stretch to calibrate from, a part that there is not, a rolling resistance outside
+            [0, 1].
     """
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
-    parts = usual_parts(robot) if parts is None else parts
+    parts = usual_parts(robot) if parts is None else (parts,) if isinstance(parts, str) else parts
+    for part in parts:
+        require_one_of("parts", part, PARTS)
+    require_between("rolling", rolling, 0.0, 1.0)
     one = isinstance(drives, str | CalibrationDrive) or not isinstance(drives, Sequence)
     each: Any = [drives] if one else drives
     known = [_known(drive, robot) for drive in each]
