@@ -7,6 +7,7 @@ from ohmward.battery.chemistries import start_model
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.figures import battery as pictures
 from ohmward.logs import Log
+from ohmward.report import Page
 
 T = 200
 TIME_S = np.arange(float(T))
@@ -114,6 +115,11 @@ def test_the_histogram_is_a_density_beside_its_normal_distribution():
 
 def test_a_constant_has_a_histogram_too():
     assert pictures.histogram_figure(np.ones(10), "Residuals", "[mV]").series
+
+
+def test_nothing_known_has_an_empty_histogram():
+    figure = pictures.histogram_figure(np.full(5, np.nan), "Residuals", "[mV]")
+    assert not figure.series and "Residuals" in Page("Report").plot(figure).html()
 
 
 def test_intervals_are_drawn_at_the_later_sample():

@@ -21,6 +21,10 @@ _GENERATOR = 265
 LEAST_DOF = 3.0
 
 
+#: P90 of a standard normal, in standard deviations; P10 is as far below.
+P90_SIGMA = NormalDist().inv_cdf(0.9)
+
+
 class Quantiles(NamedTuple):
     """The 10, 50 and 90 % points of a distribution, reached with 90, 50 and 10 % probability."""
 

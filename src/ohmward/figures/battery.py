@@ -266,6 +266,8 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
     values: (N,) in the unit of `x_label`; nan is left out, and the outermost 0.1 % on either side are not drawn.
     """
     known = values[np.isfinite(values)]
+    if not known.size:
+        return Figure(title, x_label, "Density", [], height_px=220)
     low, high = np.quantile(known, [0.001, 0.999])
     density, edges = np.histogram(known, bins, (low, high if high > low else low + 1e-9), density=True)
     middle = 0.5 * (edges[1:] + edges[:-1])

@@ -78,14 +78,11 @@ def _(log: DriveLog) -> str:
 
 @card.register
 def _(found: Battery) -> str:
+    sure = known(found)
     facts = {
         "cells": f"{found.n_series:g} in series" + (f", {found.chemistry}" if found.chemistry else ""),
-        "capacity": quantity(found.capacity_Ah, "Ah"),
-        "voltage": f"{found.voltage_min_V:.4g} to {found.voltage_max_V:.4g} V",
-    }
-    sure = known(found)
-    facts |= {
         "capacity": f"{normal(sure.capacity_Ah._asdict(), 'Ah')} (95 %)",
+        "voltage": f"{found.voltage_min_V:.4g} to {found.voltage_max_V:.4g} V",
         "resistance": f"{normal(sure.resistance_ohm._asdict(), 'mΩ', 1e3)} (95 %), ten seconds of 1 C at half charge",
         "curve": f"± {quantity(BAND_95 * float(np.median(sure.ocv_std_V)), 'mV', 1e3, 2)} (95 %), the median over SoC",
         "learnt from": f"{sure.logs} logs, {duration(sure.hours * SECONDS_PER_HOUR)}" if sure.logs else "",

@@ -6,6 +6,7 @@ import numpy as np
 
 from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.energy.drive_record import DriveRecord, RecordedBalance, expected_J_per_m, usual_speed_m_s
+from ohmward.energy.points import P90_SIGMA
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Marker, Series
 from ohmward.report.figure import Meaning
@@ -27,8 +28,8 @@ def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]
     """State of charge, energy and probability along the plan."""
     m = forecast.milestones
     x = np.array([0.0, *(one.distance_m for one in m)])
-    soc = 100 * np.array([[state.soc - 1.2816 * state.soc_std, state.soc, state.soc + 1.2816 * state.soc_std]])
-    soc = np.vstack([soc, *(100 * np.array(one.soc) for one in m)]).clip(0.0, 100.0)
+    now = state.soc + P90_SIGMA * state.soc_std * np.array([-1.0, 0.0, 1.0])
+    soc = 100 * np.vstack([now, *(np.array(one.soc) for one in m)]).clip(0.0, 1.0)
     energy = np.vstack([np.zeros(3), *(np.array(one.energy_J) / SECONDS_PER_HOUR for one in m)])
     probability = 100 * np.array([1.0, *(one.probability for one in m)])
     turn = [Marker(forecast.point_of_return_m, "latest point of return", "alert")]

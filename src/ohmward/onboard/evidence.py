@@ -18,7 +18,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.models.noise import USUAL_C
-from ohmward.energy.points import Quantiles
+from ohmward.energy.points import P90_SIGMA, Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.robot_state import RobotState
@@ -47,8 +46,6 @@ EVIDENCE: dict[str, frozenset[str]] = {
 
 #: Standard deviation of a charge uniformly distributed from empty to full.
 ANY_SOC_STD = 1.0 / math.sqrt(12.0)
-
-_Z90 = NormalDist().inv_cdf(0.9)
 
 
 class Age(NamedTuple):
@@ -154,7 +151,7 @@ def _aged_range(reach: RangeEstimate, share: float) -> RangeEstimate:
 
 def _widened(quantiles: Quantiles, share: float) -> Quantiles:
     p10, p50, p90 = quantiles
-    moved = _Z90 * share * p50
+    moved = P90_SIGMA * share * p50
     return Quantiles(max(p50 - math.hypot(p50 - p10, moved), 0.0), p50, p50 + math.hypot(p90 - p50, moved))
 
 
