@@ -139,3 +139,13 @@ def test_what_numpy_masks_is_missing():
     dates = np.ma.masked_array(np.array(["2026-01-01", "2026-01-02"], "M8[ns]"), [False, True])
     np.testing.assert_array_equal(np.isnat(plain_array(dates)), [False, True])
     np.testing.assert_array_equal(Log("m", np.arange(3.0), current, np.full(3, 13.0)).current_A, [-1.0, np.nan, -1.0])
+
+
+def test_the_temperature_is_a_line_over_broken_samples():
+    """A thermometer without contact reports -127 degC."""
+    nan = float("nan")
+    given = {"time_s": [0, 1, 2, 4, 5, 6], "current_A": [0.0] * 6, "voltage_V": [12.0] * 6}
+    found = log(**given, temperature_degC=[nan, 2.0, nan, -127.0, 10.0, nan])
+    assert found.temperature_along(25.0) == pytest.approx([2.0, 2.0, 4.0, 8.0, 10.0, 10.0])
+    for none in (None, [nan] * 6, [-127.0] * 6):
+        assert log(**given, temperature_degC=none).temperature_along(25.0).tolist() == [25.0] * 6

@@ -305,7 +305,4 @@ def _temperature_degC(plan: Plan | None, log: Log | None) -> float:
     """Temperature of the plan, else the last one of the log, else room temperature."""
     if plan:
         return plan.temperature_degC
-    if log is None or log.temperature_degC is None:
-        return ROOM_DEGC
-    known = log.temperature_degC[np.isfinite(log.temperature_degC)]
-    return float(known[-1]) if known.size else ROOM_DEGC
+    return ROOM_DEGC if log is None else float(log.temperature_along(ROOM_DEGC)[-1])

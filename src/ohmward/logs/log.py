@@ -37,7 +37,7 @@ from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
 from ohmward.signals.current_size import check_wrapped, forgotten_scale
 
@@ -126,6 +126,15 @@ class Log(TimeSeries):
         current = np.interp(self.time_s, self.time_s[known], self.current_A[known])
         mean = 0.5 * (current[1:] + current[:-1])
         return np.concatenate([[0.0], np.cumsum(mean * self.dt_s)]) / SECONDS_PER_HOUR
+
+    def temperature_along(self, otherwise_degC: float) -> np.ndarray:
+        """(T,) [degC], straight lines where there is no credible one; `otherwise_degC` where the log has none."""
+        if self.temperature_degC is None:
+            return np.full(len(self), otherwise_degC)
+        known = (self.temperature_degC >= COLDEST_DEGC) & (self.temperature_degC <= HOTTEST_DEGC)
+        if not known.any():
+            return np.full(len(self), otherwise_degC)
+        return np.interp(self.time_s, self.time_s[known], self.temperature_degC[known])
 
     def full_charges(self) -> tuple[tuple[str, int], ...]:
         """Column and sample of each onset of full charge that a charger's column among `extra` reports."""

@@ -103,7 +103,7 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray) -> FitSamples:
         mean_current_A=SECONDS_PER_HOUR * np.diff(total_Ah, prepend=total_Ah[0]) / np.where(dt_s > 0, dt_s, 1.0),
         soc=soc[rows],
         soc_before=np.concatenate([soc[rows[:1]], soc[rows[:-1]]]),
-        temperature_degC=record.temperature_degC(ROOM_DEGC)[rows],
+        temperature_degC=record.log.temperature_along(ROOM_DEGC)[rows],
         voltage_V=record.log.voltage_V[rows],
         starts_at_rest=phase.kind == "rest" and (rest_s >= RELAXED_AFTER_S or rows[0] > 0),
         sample=rows,

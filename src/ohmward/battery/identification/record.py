@@ -336,12 +336,6 @@ class Record(NamedTuple):
         """(T,) current [A], > 0 charges, without holes."""
         return known_current_A(self.log)
 
-    def temperature_degC(self, otherwise: float) -> np.ndarray:
-        """(T,) temperature [degC]; `otherwise` where the log has none."""
-        if self.log.temperature_degC is None:
-            return np.full(len(self.log), otherwise)
-        return np.where(np.isfinite(self.log.temperature_degC), self.log.temperature_degC, otherwise)
-
     def typical_degC(self) -> float | None:
         """Median temperature of the log, or None."""
         values = self.log.temperature_degC

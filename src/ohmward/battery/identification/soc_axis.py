@@ -168,7 +168,7 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Soc
 
     After a discharge the voltage rests below the mean of both branches, after a charge above it.
     """
-    degC = record.temperature_degC(ocv.reference_degC)
+    degC = record.log.temperature_along(ocv.reference_degC)
     h, known = _hysteresis(record, capacity_Ah)
     return tuple(
         _by_voltage(record, at, ocv, float(degC[at]), float(h[at]), float(known[at])) for _, at in settled_ends(record)

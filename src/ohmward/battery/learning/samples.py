@@ -16,7 +16,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.identification.record import begins_interval, find_gaps
 from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_temperature, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.quantities import MOST_C
@@ -135,7 +135,7 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
         dt_s=np.diff(time_s[used], prepend=time_s[0]),
         moved_Ah=np.diff(moved_Ah[used], prepend=0.0),
         current_A=current_A[used],
-        temperature_degC=_temperature(log)[known][used],
+        temperature_degC=log.temperature_along(ROOM_DEGC)[known][used],
         voltage_V=np.where(credible, voltage_V, np.nan)[known][used],
         path_variance=np.diff(path[used], prepend=0.0),
         gaps=np.flatnonzero(gap[used]),
@@ -148,15 +148,6 @@ def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) ->
     noise_A2 = battery.sensor.noise_std_A**2 / np.maximum(dt_s, 1.0)
     charge_Ah2 = ((PATH_SHARE * change_A) ** 2 + noise_A2) * (dt_s / SECONDS_PER_HOUR) ** 2
     return np.asarray(charge_Ah2 / battery.capacity_Ah**2)
-
-
-def _temperature(log: Log) -> np.ndarray:
-    """(T,) temperature, bridged by straight lines; room temperature where the log has none."""
-    measured_degC: Any = log.temperature_degC
-    known = np.zeros(len(log), dtype=bool) if measured_degC is None else np.asarray(is_temperature(measured_degC))
-    if not known.any():
-        return np.full(len(log), ROOM_DEGC)
-    return np.interp(log.time_s, log.time_s[known], measured_degC[known])
 
 
 def _parts(dt_s: np.ndarray, gaps: np.ndarray) -> Iterator[slice]:
