@@ -98,12 +98,27 @@ def test_lines_are_counted_as_an_editor_counts_them(write_text):
 
 def test_blocks_join(write_text, monkeypatch):
     monkeypatch.setattr("ohmward.logs.csv_file._PARSED_ROWS", 7)
-    rows = [f"{i},{i % 5},{'x' if i == 20 else i}" for i in range(40)]
+    rows = [f"{i},{i % 5},{'x1' if i == 20 else i}" for i in range(40)]
     table = load(write_text("time_s,a,b\n" + "\n".join(rows)))
     np.testing.assert_array_equal(table.columns["time_s"], np.arange(40.0))
     np.testing.assert_array_equal(table.line, np.arange(2, 42))
-    assert table.columns["b"][20] == "x"
+    assert table.columns["b"][20] == "x1"
     assert float(table.columns["b"][39]) == 39.0
+
+
+def test_a_few_words_among_numbers_are_missing_and_counted(write_text):
+    rows = [f"{k},{'OL' if k in (3, 9) else k},{'1..2' if k == 9 else k}" for k in range(30)]
+    table = load(write_text("time_s,a,b\n" + "\n".join(rows)))
+    expected = np.where(np.isin(np.arange(30), (3, 9)), np.nan, np.arange(30.0))
+    np.testing.assert_array_equal(table.columns["a"], expected)
+    assert table.columns["b"].dtype == object, "a cell with digits may be a number in another notation"
+    (note,) = table.notes
+    assert str(note) == "warning: 2 cells of 'a' treated as missing: no number ('OL')"
+
+
+def test_words_in_many_cells_stay_text(write_text):
+    rows = [f"{k},{'idle' if k % 4 == 0 else k}" for k in range(30)]
+    assert load(write_text("time_s,state\n" + "\n".join(rows))).columns["state"].dtype == object
 
 
 @pytest.mark.parametrize("tail", ["3,1.0", "3", "3,\0\0\0\0"])

@@ -12,7 +12,7 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import DriveLog, Log, read_drive, read_log, write_log
-from ohmward.logs.frame import plain_array
+from ohmward.logs.frame import open_frame, plain_array
 from ohmward.logs.log import as_logs
 
 pd = pytest.importorskip("pandas")
@@ -322,3 +322,12 @@ def test_several_frames_are_told_apart_by_their_names():
     frames[1].attrs["name"] = "morning"
     assert [log.name for log in as_logs(frames)] == ["DataFrame 1", "morning", "DataFrame 2"]
     assert [log.name for log in as_logs(frames[:2])] == ["DataFrame", "morning"]
+
+
+def test_texts_with_decimal_commas_are_numbers():
+    """As `read_csv` of pandas leaves them where no `decimal` is given; a text that is no number stays one."""
+    frame = pd.DataFrame({"t": ["0,0", "0,5", "1,0"], "I": ["1,25", "", "-1,5"], "serial": ["007", "007", "008"]})
+    table = open_frame(frame).load(["t", "I", "serial"])
+    np.testing.assert_array_equal(table.columns["t"], [0.0, 0.5, 1.0])
+    np.testing.assert_array_equal(table.columns["I"], [1.25, np.nan, -1.5])
+    assert table.columns["serial"].tolist() == ["007", "007", "008"]

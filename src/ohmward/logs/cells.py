@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.table import MISSING, number
+from ohmward.logs.table import MISSING, Note, counted, number
 from ohmward.logs.units import Unit, split_unit, unit_of
 
 #: Thousands separators: non-breaking spaces, and the Swiss apostrophe.
@@ -133,6 +133,37 @@ def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) ->
     return values
 
 
+def without_words(
+    name: str, cells: np.ndarray, marks: Marks, unit: Unit | None = None
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Cells (T,) of text as numbers if all but a few words among them, such as `OL`, are numbers; and a note on these.
+
+    A cell with a digit in it may be a number that is written in another way: then all stay text.
+    """
+    words = are_words(cells)
+    numbers = parse_cells(np.where(words, "", cells).tolist(), marks, unit) if words.any() else cells
+    if numbers.dtype == object:
+        return cells, ()
+    example = cells[np.argmax(words)].strip()
+    text = f"{counted(int(words.sum()), 'cell')} of {name!r} treated as missing: no number ({example!r})"
+    return numbers, (Note(text, "warning"),)
+
+
+def are_words(cells: np.ndarray) -> np.ndarray:
+    """Mask (T,) of the cells without any digit that do not mean a missing value; none if more than a few are such."""
+    words = np.array([not any(map(str.isdigit, cell)) and cell.strip().lower() not in MISSING for cell in cells], bool)
+    return words if words.sum() <= _MOST_WORDS * words.size else np.zeros(words.size, bool)
+
+
+def with_decimal_commas(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns (T,), those of text with commas as numbers if the commas in their first cells are decimal."""
+    texts = {name: v for name, v in columns.items() if v.dtype == object and any("," in cell for cell in v)}
+    marks = find_marks([values[:_FIRST_CELLS].tolist() for values in texts.values()], ";")
+    if marks is None or not marks.decimal_comma:
+        return dict(columns)
+    return {**columns, **{name: parse_cells(values.tolist(), marks) for name, values in texts.items()}}
+
+
 def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
     text = cell.translate(_SIGNS)
     if text.strip().lower() in MISSING:
@@ -164,6 +195,8 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
         return None
 
 
+#: Largest share of words among the cells of a column of numbers; cells from which a notation is found.
+_MOST_WORDS, _FIRST_CELLS = 0.1, 200
 #: Units of quantities that no channel has, in lower case.
 _OTHER_UNITS = frozenset(("ohm", "mohm", "ω", "mω", "hz"))
 

@@ -72,7 +72,7 @@ _OF_BATTERY = word_set(
     "utc gmt"
 )
 # Words of columns that are used only if there is nothing better.
-_SECOND_CHOICE = word_set("cell raw mean avg average")
+_SECOND_CHOICE = word_set("cell raw mean avg average last")
 # And of columns that are used only if there is none of those either.
 _THIRD_CHOICE = word_set("now latest bus in input line")
 _BESIDE_BATTERY = (
@@ -119,11 +119,11 @@ TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
     words_of("time", "t", "timestamp", "when", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
              "elapsed time", "unix", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds",
-             "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed",
+             "sec", "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed",
              "last updated", "test", "x value", "cumulative time", "absolute time", "record time", "system time",
              "zeit", "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间",
              "時間", "시간", "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
-             "dpt time"),
+             "dpt time", "tst", "device time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 CURRENT = _OF_TABLE["battery_current_A"]

@@ -18,6 +18,7 @@ from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
+from ohmward.signals.current_size import forgotten_scale
 from ohmward.signals.survey import find_gaps, spread, usual_interval_s
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
@@ -436,22 +437,28 @@ def require_plausible(
     return (Note(f"{text}milliseconds, say {' '.join(option)}", "warning", option),)
 
 
-def require_voltage(source: str, name: str, voltage_V: np.ndarray) -> None:
+def require_voltage(table: Table, voltage: Column, current: Column) -> None:
     """Refuse a voltage that is usually more than that of any battery.
 
-    name: of its column.  voltage_V: (T,) [V], nan where it is not known.
+    table: with the columns of voltage [V] and current [A].
 
     Raises:
-        InputError: names the voltage, and the option that says its unit.
+        InputError: names the voltage, and the options that say its unit and, if that is as unlikely, the current's.
     """
+    voltage_V = table.columns[voltage.name]
     known = np.abs(voltage_V[np.isfinite(voltage_V)])
     highest_V = QUANTITIES["battery_voltage_V"].limits.highest
     if not known.size or (usual_V := float(np.median(known))) <= highest_V:
         return
+    options = ["--unit", "voltage=mV"]
+    units = {"voltage": "mV"}
+    if current.unit is None and (forgotten := forgotten_scale(table.columns[current.name], 1e-3 * voltage_V)):
+        options += ["--unit", f"current={forgotten[0].symbol}"]
+        units["current"] = forgotten[0].symbol
     raise InputError(
-        f"{source}: column {name!r} is usually {usual_V:.5g} V, more than the {highest_V:g} V of any battery; say its "
-        "unit with --unit voltage=mV (units={'voltage': 'mV'}), or, if it is right, voltage=V",
-        ("--unit", "voltage=mV"),
+        f"{table.source}: column {voltage.name!r} is usually {usual_V:.5g} V, more than the {highest_V:g} V of any "
+        f"battery; say its unit with {' '.join(options)} (units={units}), or, if it is right, voltage=V",
+        options,
     )
 
 

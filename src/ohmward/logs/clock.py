@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.cells import are_words
 from ohmward.logs.channels import TIME, letters
-from ohmward.logs.columns import Column
+from ohmward.logs.columns import Column, fraction_column
 from ohmward.logs.dates import (
     DAY_S,
     EXCEL_DAYS,
@@ -100,12 +101,6 @@ def _days(years: np.ndarray, months: np.ndarray, days: np.ndarray) -> np.ndarray
     return np.where(known, first.astype(float) + day - 1, np.nan)
 
 
-def nanosecond_column(names: Sequence[str], name: str) -> str | None:
-    """The column that holds the nanoseconds of a ROS time whose seconds are `name`, if there is one."""
-    stem = re.sub(r"secs?$", "", name)
-    return next((n for n in names if n != name and n in (f"{stem}nanosec", f"{stem}nsecs", f"{stem}nsec")), None)
-
-
 def date_column(file: TableFile, name: str) -> str | None:
     """The column of the dates for the times of day in `name`, or of the times of day for its dates, or None."""
     cells = [cell for cell in file.head.get(name, ()) if cell.strip()]
@@ -179,8 +174,9 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
     values = table.columns[column.name]
     if date is not None and date in table.columns and values.dtype == object:
         values = _joined(values, table.columns[date])
-    if (nanoseconds := nanosecond_column(tuple(table.columns), column.name)) is not None:
-        values = _with_nanoseconds(numbers(table, column.name), numbers(table, nanoseconds))
+    if (fraction := fraction_column(tuple(table.columns), column.name)) is not None:
+        nanoseconds = fraction.nanoseconds * numbers(table, fraction.name)
+        values = _with_nanoseconds(numbers(table, column.name), nanoseconds)
     if values.dtype.kind in "mM":
         clock = clock_of_dates(values)
         if values.dtype.kind == "M" and are_whole_days(values):
@@ -299,6 +295,7 @@ def _is_unix(seconds: float) -> bool:
 
 
 def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
+    values = np.where(are_words(values), "", values)  # as of a row `Average` below the others
     first = next((cell for cell in values if cell.strip()), "")
     if hints.time_format is None and can_read(number, first):
         return _from_numbers(table, column, numbers(table, column.name), hints)

@@ -50,12 +50,13 @@ _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
 _BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 3, 3, 4, 5, 99
+_TEMPERATURES = word_set("temp temps tmp temperature")
 #: A temperature, if another column is the time.
 _TEMPERATURE = "T"
 #: A vehicle's auxiliary battery.
 _AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
 #: Quantities that the unit alone identifies, in a column of a battery.
-_BY_UNIT = (CURRENT, VOLTAGE)
+_BY_UNIT = (CURRENT, VOLTAGE, TEMPERATURE)
 
 
 class UnclearColumnsError(InputError):
@@ -77,6 +78,24 @@ class UnclearColumnsError(InputError):
             f"(columns={given}){interval}",
             () if None in choice.values() else [word for option in options for word in ("--column", option)],
         )
+
+
+class FractionColumn(NamedTuple):
+    """A column of the fractions of a second that belong to whole seconds in another column."""
+
+    name: str
+    nanoseconds: float  #: length of its unit
+
+
+#: Endings of such columns, whose names are otherwise those of the seconds: `stamp.sec`, `stamp.nanosec`; `sec`, `usec`.
+_FRACTIONS = {"nanosec": 1.0, "nsecs": 1.0, "nsec": 1.0, "usecs": 1e3, "usec": 1e3, "msecs": 1e6, "msec": 1e6}
+
+
+def fraction_column(names: Sequence[str], name: str) -> FractionColumn | None:
+    """The column of the fractions that belong to the whole seconds in `name`, if there is one."""
+    stem = re.sub(r"secs?$", "", name)
+    found = (FractionColumn(stem + end, unit_ns) for end, unit_ns in _FRACTIONS.items() if stem + end != name)
+    return next((fraction for fraction in found if stem != name and fraction.name in names), None)
 
 
 class Column(NamedTuple):
@@ -136,6 +155,7 @@ def find_columns(
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
         free = [name for name in names if name not in {column.name for column in chosen.values()}]
         choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
+        choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
         if "time" in choice and choice["time"] is None:
             choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
         raise UnclearColumnsError(source, names, faults, choice)
@@ -248,6 +268,8 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
+        fractions = [fraction.name for column in fits if (fraction := fraction_column(names, column.name))]
+        fits = [column for column in fits if column.name not in fractions]
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
     if channel is CURRENT and not has_input_voltage(names):
         fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
@@ -301,6 +323,8 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     """The column whose name begins like that of a channel or is misspelled, or the only one with its unit; or None."""
     units = {name: next(split_unit(name))[1] for name in names}
     likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
+    if channel is TIME:  # `temp` is much like `tempo`
+        likely = [name for name in likely if not _TEMPERATURES & set(channel.split(name))]
     likely = [name for name in likely if (unit := units[name]) is None or unit.dimension in channel.dimensions]
     by_letters = next((name for name in likely if channel.name[:3] in name.lower()), None)
     beside = channel.beside[-1]

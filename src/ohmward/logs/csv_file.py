@@ -15,7 +15,7 @@ from types import ModuleType
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.cells import is_data, is_value, parse_cells
+from ohmward.logs.cells import is_data, is_value, parse_cells, without_words
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text
 from ohmward.logs.frame import import_arrow, numbers_of
 from ohmward.logs.hints import FileHints
@@ -82,6 +82,9 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
+    for name in [name for name, values in joined.items() if values.dtype == object]:
+        joined[name], of_words = without_words(name, joined[name], layout.marks, layout.units.get(name))
+        notes += of_words
     return Table(path.name, joined, np.concatenate(lines), "line", tuple(notes))
 
 

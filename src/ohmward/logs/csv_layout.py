@@ -25,6 +25,7 @@ from ohmward.logs.cells import (
     unit_in_cells,
 )
 from ohmward.logs.channels import BATTERY, letters
+from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 
@@ -149,6 +150,8 @@ _LAYOUT_BYTES = 1 << 16
 #: A gzip file may unpack to this many bytes, or to this many times its size: logs shrink by a factor of 3 to 20.
 UNPACKED_BYTES, UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
+#: A line below the names, `---- -------` or `|---|---:|`.
+_RULE = re.compile(r"[\s|+:=-]*[-=]{3}[\s|+:=-]*")
 # Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
 _DELIMITERS = "\t;,|"
 #: Excel's first line, which names the delimiter.
@@ -269,7 +272,7 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
         lines = _head(path, stream)
     separator = _SEPARATOR_LINE.match(lines[0].strip()) if lines else None
     first, mark = (1, separator["mark"]) if separator else (0, "")
-    numbered = [k for k in range(first, len(lines)) if lines[k].strip() and not lines[k].startswith(_COMMENT)]
+    numbered = [k for k in range(first, len(lines)) if _may_be_row(lines[k])]
     if not numbered:
         raise InputError(f"{path.name}: the file is empty; a log needs a header line and rows below it")
     text = [lines[k] for k in numbered]
@@ -283,11 +286,18 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     skip = numbered[header.first] if header.first < len(numbered) else len(lines)
     leading = _leading(header, found.rows)
     data = [row for row in data if not any(row[:leading])]
-    layout = CsvLayout(header.names, found.delimiter, Marks(), skip, encoding, found.split, leading=leading)
+    names = header.names
+    if not names[0] and data and "time" not in names and all(has_date(row[0]) for row in data):
+        names = ("time", *names[1:])  # the index of pandas, PicoLog
+    layout = CsvLayout(names, found.delimiter, Marks(), skip, encoding, found.split, leading=leading)
     interval = next((match["seconds"] for line in lines[:skip] if (match := _INTERVAL.match(line))), None)
     return _with_notation(path, layout, data)._replace(
         timezone=header.timezone, interval_s=None if interval is None else float(interval.replace(",", "."))
     )
+
+
+def _may_be_row(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith(_COMMENT) and _RULE.fullmatch(line) is None
 
 
 def _head(path: Path, stream: TextIO) -> list[str]:

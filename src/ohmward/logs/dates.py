@@ -31,7 +31,7 @@ _ZONE_HOURS = {
 #: `+01:00`, `UTC+1`, `CET`, `+0100 CET`, `+01:00[Europe/Berlin]`, `GMT+0100 (Central European Standard Time)`.
 _NO_ZONE = "MON|TUE|WED|THU|FRI|SAT|SUN|JAN|FEB|MAR|APR|MAY|JUN|JUL|AUG|SEP|OCT|NOV|DEC"
 _ZONE = (
-    rf"(?:(?:UTC|GMT)?(?P<ahead>[+-]\d{{1,2}}(?::?\d\d)?)|(?P<zone>Z|(?!{_NO_ZONE})[A-Z]{{3,5}}))"
+    rf"(?:(?:UTC|GMT|Z)?(?P<ahead>[+-]\d{{1,2}}(?::?\d\d)?)|(?P<zone>Z|(?!{_NO_ZONE})[A-Z]{{3,5}}))"
     r"(?:\s?\[[^\]]*\]|\s\([^)]*\)|\s[A-Z]{3,5})?(?=$|\s)"
 )
 _TIME = re.compile(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.cells import with_decimal_commas
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Progress, Table, TableFile, parsing, require_unique, row_numbers
 from ohmward.optional import require
@@ -184,7 +185,7 @@ def _table_file(
         if not rows:
             raise InputError("the DataFrame has no rows; a log needs samples")
         chosen = {name: column(at) for at, name in enumerate(columns) if name in names}
-        return Table(source, chosen, row_numbers(1, rows), "row")
+        return Table(source, with_decimal_commas(chosen), row_numbers(1, rows), "row")
 
     return TableFile(source, tuple(columns), load, time)
 

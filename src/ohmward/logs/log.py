@@ -209,7 +209,7 @@ def read_log(
     def to_numbers(table: Table) -> Table:
         table = clean.to_si(table, chosen)
         if "voltage" not in (units or {}):
-            clean.require_voltage(file.source, chosen["voltage"].name, table.columns[chosen["voltage"].name])
+            clean.require_voltage(table, chosen["voltage"], chosen["current"])
         if state is None or state not in table.columns:
             return table
         name = chosen["current"].name

@@ -1,4 +1,4 @@
-"""Texts that name each value: JSON, messages as `ros2 topic echo` writes them, line protocol, `V:12.3,I:-1.2`."""
+"""Texts that name each value: JSON, echoed messages of ROS 2, line protocol, `V:12.3,I:-1.2`, blocks of VE.Direct."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from statistics import mode
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,28 @@ _PAIR = re.compile(
 )
 #: Number of lines examined, and smallest share of a line that its pairs take up.
 _EXAMINED_LINES, _PAIRS_SHARE = 5, 0.8
+#: A line of a block: `V\t13200`, `Bus Voltage: 13.2 V`, `POWER_SUPPLY_VOLTAGE_NOW=13200000`, `bms/voltage 13.2`,
+#: `'pack voltage': Sending state 13.2 V with 2 decimals of accuracy` of ESPHome.
+_LABELLED = re.compile(
+    r"(?:(?P<name>[A-Za-z_][\w#/ .-]*?)(?:\t\s*|\s*[:=]\s*)|(?P<topic>[A-Za-z_]\w*(?:/[\w-]+)+)\s+"
+    r"|(?:\[(?P<clock>\d\d:\d\d:\d\d(?:\.\d+)?)\])?(?:\[[^\]]*\])*:? *'(?P<entity>[^']+)'(?:: Sending state| >>) )"
+    r"(?P<value>\S.*?)(?: with \d+ decimals.*)?"
+)
+_VALUE_WITH_UNIT = re.compile(r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s?(?P<unit>[A-Za-z°%µ]+)?")
+#: Smallest share of the lines that are those of blocks, and of the labels that follow each other as in the first block.
+_BLOCK_LINES_SHARE, _SAME_ORDER = 0.7, 0.7
+_LONGEST_LABELLED = 200
+_CHECKSUM = "Checksum"
+#: Units of VE.Direct of Victron, whose blocks end in a checksum.
+_VICTRON = {"V": "mV", "VS": "mV", "VM": "mV", "VPV": "mV", "I": "mA", "IL": "mA", "P": "W", "PPV": "W", "CE": "mAh",
+            "T": "degC"}  # fmt: skip
+#: Prefix of the keys in `uevent` of a power supply under Linux.
+_UEVENT = "POWER_SUPPLY_"
 
 
 def names_values(head: bytes) -> bool:
     """True if a file begins like one of these texts."""
-    return _JSON.match(head) is not None or _ECHO.match(head) is not None or is_labelled(head)
+    return _JSON.match(head) is not None or _ECHO.match(head) is not None or is_labelled(head) or are_blocks(head)
 
 
 def open_objects(path: Path, hints: FileHints) -> TableFile:
@@ -57,8 +75,10 @@ def open_objects(path: Path, hints: FileHints) -> TableFile:
     head = text[:_HEAD_BYTES].encode()
     if _ECHO.match(head):
         content = _echoed(text)
+    elif is_labelled(head):
+        content = rows_of_lines(text)
     else:
-        content = rows_of_lines(text) if is_labelled(head) else _content(path.name, text)
+        content = rows_of_blocks(text) if are_blocks(head) else _content(path.name, text)
     columns = _columns(path.name, content)
     rows = row_numbers(1, len(next(iter(columns.values()))))
     first = {name: tuple(map(str, values[:100])) for name, values in columns.items() if values.dtype == object}
@@ -161,6 +181,53 @@ def is_labelled(head: bytes) -> bool:
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip() and line[0] != "#"]
     lines = lines[:_EXAMINED_LINES]
     return len(lines) > 1 and (all(map(_PROTOCOL.fullmatch, lines)) or all(map(_is_row_of_pairs, lines)))
+
+
+def are_blocks(head: bytes) -> bool:
+    """True for a text that names a value in each line, with the same names again and again."""
+    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    labels = [label for label, _, _ in map(_labelled, lines) if label]
+    if len(labels) < _BLOCK_LINES_SHARE * len(lines):
+        return False
+    labels = [label for label in labels if label != _CHECKSUM]
+    most_frequent = mode(labels) if labels else ""
+    at = [k for k, label in enumerate(labels) if label == most_frequent]
+    if len(at) < 2:
+        return False
+    length = at[1] - at[0]
+    same = sum(label == later for label, later in zip(labels, labels[length:], strict=False))
+    return length > 1 and same >= _SAME_ORDER * (len(labels) - length)
+
+
+def _labelled(line: str) -> tuple[str, str, str]:
+    """Label, value and time of a line of a block; empty texts for any other line."""
+    text = line.strip()[:_LONGEST_LABELLED]
+    monitor = _MONITOR.match(text)
+    found = _LABELLED.fullmatch(_MONITOR.sub("", text, count=1))
+    if found is None:
+        return "", "", ""
+    time = monitor["time"] if monitor else found["clock"] or ""
+    return found["name"] or found["topic"] or found["entity"], found["value"], time
+
+
+def rows_of_blocks(text: str) -> list[dict[str, Any]]:
+    """The numbers and texts of each block by their names, with units; a name that comes again begins the next block."""
+    lines = [found for found in map(_labelled, text.splitlines()) if found[0]]
+    units = _VICTRON if any(label == _CHECKSUM for label, _, _ in lines) else {}
+    rows: list[dict[str, Any]] = []
+    labels: set[str] = set()
+    for label, cell, time in lines:
+        if label == _CHECKSUM:
+            continue
+        if not rows or label in labels:
+            rows.append({"time": time} if time else {})
+            labels = set()
+        labels.add(label)
+        number = _VALUE_WITH_UNIT.fullmatch(cell)
+        name = label.removeprefix(_UEVENT).lower() if label.startswith(_UEVENT) else label
+        unit = (number and number["unit"]) or units.get(label)
+        rows[-1][f"{name} [{unit}]" if unit else name] = float(number["value"]) if number else cell
+    return rows
 
 
 def rows_of_lines(text: str) -> list[dict[str, Any]]:

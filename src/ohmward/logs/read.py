@@ -22,8 +22,8 @@ from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware
 from ohmward.logs.bags.bag_table import is_recording, open_bag
 from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
-from ohmward.logs.clock import date_column, nanosecond_column, read_clock
-from ohmward.logs.columns import Column, listed, other_times
+from ohmward.logs.clock import date_column, read_clock
+from ohmward.logs.columns import Column, fraction_column, listed, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.frame import is_frame, open_frame, open_parquet
 from ohmward.logs.hints import TOPIC, FileHints
@@ -275,7 +275,8 @@ def _read_rows(
     """The rows of one recording; joined: put the steps of a test one after the other. See `read_recording`."""
     time = columns["time"].name
     date = date_column(file, time)
-    own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
+    fraction = fraction_column(file.names, time)
+    own = {column.name for column in columns.values()} | {fraction.name if fraction else time, date or time}
     extra = file.names if wanted.extra is None else wanted.extra
     if unknown := [name for name in extra if name not in file.names]:
         raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")

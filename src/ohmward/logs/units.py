@@ -29,14 +29,14 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes", "а"),
     Unit("mA", "current", 1e-3): ("ma", "ма", "mamp", "mamps", "milliamp", "milliamps", "milliampere", "milliamperes"),
     Unit("uA", "current", 1e-6): ("ua", "µa", "μa", "microamp", "microamps", "microampere"),
-    Unit("cA", "current", 1e-2): ("ca",),
-    Unit("0.1 A", "current", 0.1): ("0.1a",),
+    Unit("cA", "current", 1e-2): ("ca", "centiamp", "centiamps"),
+    Unit("dA", "current", 0.1): ("da", "deciamp", "deciamps"),
     Unit("kA", "current", 1e3): ("ka", "kiloampere"),
     Unit("V", "voltage", 1.0): ("v", "volt", "volts", "в"),
     Unit("mV", "voltage", 1e-3): ("mv", "мв", "mvolt", "mvolts", "millivolt", "millivolts"),
     Unit("uV", "voltage", 1e-6): ("uv", "µv", "μv", "microvolt", "microvolts"),
-    Unit("cV", "voltage", 1e-2): ("cv",),
-    Unit("0.1 V", "voltage", 0.1): ("0.1v",),
+    Unit("cV", "voltage", 1e-2): ("cv", "centivolt", "centivolts"),
+    Unit("dV", "voltage", 0.1): ("dv", "decivolt", "decivolts"),
     Unit("kV", "voltage", 1e3): ("kv", "kilovolt"),
     Unit("W", "power", 1.0): ("w", "watt", "watts"),
     Unit("mW", "power", 1e-3): ("mw", "milliwatt", "milliwatts"),
@@ -53,7 +53,6 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("h", "time", 3600.0): ("h", "hr", "hrs", "hour", "hours"),
     Unit("d", "time", 86400.0): ("d", "day", "days"),
     Unit("degC", "temperature", 1.0): ("c", "degc", "deg c", "deg_c", "°c", "ºc", "℃", "celsius", "degree celsius"),
-    Unit("0.1 degC", "temperature", 0.1): ("0.1degc", "0.1c", "0.1°c"),
     Unit("K", "temperature", 1.0, -273.15): ("k", "kelvin"),
     Unit("degF", "temperature", 5 / 9, -160 / 9): ("f", "degf", "deg f", "deg_f", "°f", "ºf", "℉", "fahrenheit"),
     Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "rads"),
@@ -112,9 +111,19 @@ _POWER_SUPPLY = re.compile(r"^(?P<stem>voltage|current)_(now|avg)$")
 _SHORTEST_UNIT_AS_NAME, _UNITS_AS_NAMES = 4, frozenset(("A", "mA", "mV"))
 
 
+#: A multiple of a unit: `0.1A`, `10 mV`.
+_MULTIPLE = re.compile(r"(?P<factor>\d*\.?\d+)(?P<unit>\D+)")
+
+
 def unit_of(spelling: str) -> Unit | None:
-    """The unit with this spelling, or None."""
-    return UNITS.get(_key(spelling))
+    """The unit with this spelling, or a multiple of it, `0.1A`; None if there is none."""
+    key = _key(spelling)
+    if key in UNITS or not (found := _MULTIPLE.fullmatch(key)):
+        return UNITS.get(key)
+    unit = UNITS.get(found["unit"])
+    if unit is None or unit.offset or not float(found["factor"]):
+        return None
+    return Unit(f"{found['factor']} {unit.symbol}", unit.dimension, float(found["factor"]) * unit.scale)
 
 
 def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:

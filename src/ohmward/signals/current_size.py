@@ -29,8 +29,8 @@ _FEW, _LEFT_BY_FEW = 2, 0.01
 #: squares unexplained.
 _RANGES, _COHERENT, _FEWEST_WRAPPED, _UNEXPLAINED_SHARE = np.linspace(0.8, 4.0, 400), 0.8, 25, 0.25
 _LARGE = 0.02
-#: A number without a sign is whole in its last digit, with this tolerance; read with a sign it must leave less than
-#: this share of the squares of the voltage's steps.
+#: Tolerance with which a number is whole in its last digit. One without a sign, read with it, must leave less than this
+#: share of what the voltage's steps leave otherwise.
 _WHOLE, _BETTER = 1e-3, 0.2
 #: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100

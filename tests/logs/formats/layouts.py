@@ -50,6 +50,7 @@ PREAMBLE = (
     "Interval: 1 s, Channels: 3\nBattery: 4S LFP, 12 Ah, new\n\n"
 )
 FOOTER = "End of measurement\nSamples: 300\n"
+TENS = rows_of(LOG, lambda t, i, u, c, at: (t, round(100 * i), f"{100 * u:.1f}", round(10 * c)))
 UNIT_ROW = [["[s]", "[A]", "[V]", "[°C]"], *PLAIN]
 BARE = ("Time", "Current", "Voltage", "Temperature")
 MINUS = [[cell.replace("-", "\u2212") for cell in row] for row in PLAIN]
@@ -111,5 +112,9 @@ LAYOUTS = (
     f("header again in the middle", table(rows=[*PLAIN[:100], list(NAMES), *PLAIN[100:]])),
     f("a stray quote", table().replace("\n150.0,", '\n"150.0,')),
     f("short names t, i, u", table(names=("t", "i", "u", "T [°C]"))),
+    f("line of dashes below the names", "name: battery\n" + aligned(NAMES, [["---"] * 4, *PLAIN], 18), file="log.txt"),
+    f("Markdown", table("|", rows=[["---", "---:", "---:", "---"], *PLAIN]), file="log.md"),
+    f("sum and mean below the rows", table() + "Sum,,,\nMean,-1,13.2,21\n"),
+    f("multiples of units in the names", table(names=("time_s", "I (10mA)", "U (0.01V)", "T (0.1°C)"), rows=TENS)),
     f("last line cut off", table() + "300.0,1"),
 )  # fmt: skip

@@ -175,6 +175,17 @@ MQTT = each_line(lambda t, i, u, c, at: json.dumps(
     {"ts": at.timestamp(), "topic": "robot/bms", "payload": {"pack": {"v": u, "i": i}, "temperatures": [c, c]}}
 ))  # fmt: skip
 
+#: What Victron's monitors send: two blocks in turn, each with a checksum of any byte.
+VE_DIRECT = each_line(lambda t, i, u, c, at: (
+    f"PID\t0x203\nV\t{round(1000 * u)}\nT\t{c}\nI\t{round(1000 * i)}\nP\t{round(u * i)}\nSOC\t800\nAlarm\tOFF\n"
+    "Checksum\t\xd8\nH1\t-102738\nH7\t11000\nH17\t45\nChecksum\t\x07"))  # fmt: skip
+UEVENT = each_line(lambda t, i, u, c, at: (
+    f"POWER_SUPPLY_NAME=BAT0\nPOWER_SUPPLY_STATUS=Charging\nPOWER_SUPPLY_VOLTAGE_NOW={round(1e6 * u)}\n"
+    f"POWER_SUPPLY_CURRENT_NOW={round(1e6 * i)}\nPOWER_SUPPLY_CAPACITY=80"))  # fmt: skip
+TORQUE = ("GPS Time", "Device Time", "Longitude", "HV Battery Voltage(V)", "HV Battery Current(A)", "SOC(%)")
+TORQUE_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    at.strftime("%a %b %d %H:%M:%S GMT+00:00 %Y"), at.strftime("%d-%b-%Y %H:%M:%S.000"), 7.1, u, i, 80))  # fmt: skip
+
 TELEMETRY = (
     f("EdgeTX", lines(EDGETX, EDGETX_ROWS), warm=False),
     f("Betaflight, blackbox_decode", lines(BETAFLIGHT, BETAFLIGHT_ROWS, ", "), warm=False),
@@ -201,6 +212,26 @@ TELEMETRY = (
         lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> V:{u},I:{i},T:{c}")),
     f("Arduino monitor, values alone", each_line(lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> {u},{i},{c}"),
       flags=("--names", "time_s,voltage_V,current_A,temperature_degC")),
+    f("lines of a microcontroller, a value a line", each_line(lambda t, i, u, c, at: (
+        f"Bus Voltage:   {u:.3f} V\nCurrent:       {1000 * i:.1f} mA\nPower:         {1000 * u * i:.0f} mW\n")),
+      flags=("--sample-time", "1"), warm=False),
+    f("VE.Direct of Victron", VE_DIRECT, "log.txt", flags=("--sample-time", "1"), encoding="latin-1"),
+    f("VE.Direct of Victron, times before the lines", each_line(lambda t, i, u, c, at: "\n".join(
+        f"{at:%Y-%m-%d %H:%M:%S} {line}" for line in (f"V\t{round(1000 * u)}", f"I\t{round(1000 * i)}", "SOC\t800",
+                                                     "Checksum\t+"))), dated=True, warm=False),
+    f("uevent of Linux power_supply", UEVENT, flags=("--sample-time", "1"), warm=False),
+    f("ESPHome", each_line(lambda t, i, u, c, at: "\n".join(
+        f"[{at:%H:%M:%S}][D][sensor:094]: '{name}': Sending state {value:.5f} {unit} with 2 decimals of accuracy"
+        for name, value, unit in (("pack voltage", u, "V"), ("pack current", i, "A"))) + (
+            "\n[D][wifi:1]: Signal" if t % 5 == 0 else "")), warm=False),
+    f("mosquitto_sub -v", each_line(lambda t, i, u, c, at: f"bms/voltage {u}\nbms/current {i}\nbms/temp {c}"),
+      flags=("--sample-time", "1")),
+    f("mosquitto_sub -F %J", each_line(lambda t, i, u, c, at: json.dumps(
+        {"tst": f"{at:%Y-%m-%dT%H:%M:%S}.000000Z+0000", "topic": "bms", "payload": {"voltage": u, "current": i}})),
+      "log.jsonl", dated=True, warm=False),
+    f("Torque", lines(TORQUE, TORQUE_ROWS), dated=True, warm=False),
+    f("PicoLog", lines(("", "Last (V)", "Last (A)", "Last (°C)"), rows_of(
+        LOG, lambda t, i, u, c, at: (at.isoformat(), u, i, c))), dated=True),
     f("columns called A and V", lines(("t", "V", "A", "temp"), rows_of(LOG, lambda t, i, u, c, at: (t, u, i, c)))),
     f("BMS, V1, Iavg, Iinst, Vtot", lines(("Time", "V1", "V2", "V3", "V4", "Iavg", "Iinst", "Vtot", "SOC"), rows_of(
         LOG, lambda t, i, u, c, at: (t, *cells_of(u), 0.9 * i, i, u, 80))), warm=False),

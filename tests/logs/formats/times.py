@@ -132,6 +132,10 @@ TIMES = (
     timed("millis of Arduino", "millis", lambda t: round(1e3 * t) + 5210),
     timed("ms without a unit", "time", lambda t: round(1e3 * t), ("--unit", "time=ms")),
     timed("us without a unit", "timestamp", lambda t: round(1e6 * t) + 12_345_678, ("--unit", "time=us")),
+    Format("seconds and microseconds in two columns", FAMILY, text_file("log.csv", lines(
+        ("sec", "usec", *REST), rows_of(LOG, lambda t, i, u, c, at: (int(at.timestamp()), 250_000, i, u, c)))),
+        LOG, dated=True),
+    dated("dates in a first column without a name", as_("%Y-%m-%d %H:%M:%S"), column=""),
     timed("hours", "Time [h]", lambda t: f"{t / 3600:.9f}"),
     Format("no time at all", FAMILY, text_file("log.csv", lines(REST, rows_of(LOG, lambda t, i, u, c, at: (i, u, c)))),
            LOG, ("--sample-time", "1")),

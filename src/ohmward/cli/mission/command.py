@@ -35,8 +35,8 @@ from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, Note
-from ohmward.logs.clock import date_column, nanosecond_column, read_clock
-from ohmward.logs.columns import find_columns
+from ohmward.logs.clock import date_column, read_clock
+from ohmward.logs.columns import find_columns, fraction_column
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import select_rows, split_selection
@@ -161,10 +161,11 @@ class MissionReader(NamedTuple):
         battery = of_kinds(self.reading, of_battery=True)
         time = find_columns(file.source, file.names, dict(battery.columns), dict(battery.units))["time"]
         rows = dict(battery.where) | split_selection(self.text)[1]
-        beside = nanosecond_column(file.names, time.name), date_column(file, time.name)
-        wanted = {time.name, TERRAIN_COLUMN, *rows, *(name or "" for name in beside)}
+        date = date_column(file, time.name)
+        fraction = fraction_column(file.names, time.name)
+        wanted = {time.name, TERRAIN_COLUMN, *rows, date or "", fraction.name if fraction else ""}
         table = select_rows(file.load(wanted & set(file.names)), rows)
-        clock = read_clock(table, time, file.hints, beside[1])
+        clock = read_clock(table, time, file.hints, date)
         time_s = clock.time_s if clock.start_unix_s is None else clock.time_s - np.nanmin(clock.time_s)
         order = np.argsort(time_s, kind="stable")
         cells = [str(cell).strip() for cell in table.columns[TERRAIN_COLUMN]]
