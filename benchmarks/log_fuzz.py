@@ -144,7 +144,7 @@ def take(source: Any, how: int) -> None:
     """
     import numpy as np
 
-    from ohmward.cli.doctor.command import DriveOptions, examine_log
+    from ohmward.cli.doctor.command import DriveOptions, GivenFiles, examine_log
     from ohmward.logs import FileHints, examine, read_drive, read_log
     from ohmward.logs.doctor import examine_drive
     from ohmward.logs.log import ReadOptions
@@ -153,7 +153,8 @@ def take(source: Any, how: int) -> None:
     database = next(source.parent.glob("*.dbc"), None) if is_path else None
     hints = FileHints(dbc=str(database)) if database else FileHints()
     if how == 3 and is_path:
-        list(examine_log(str(source), DriveOptions(None, ReadOptions(hints=hints), False, None)))
+        drives = DriveOptions(None, ReadOptions(hints=hints), False, None)
+        list(examine_log(str(source), GivenFiles(drives, "robot.toml", "battery.toml")))
     elif how == 2:
         log = read_drive(source, ("left", "right"), 2, hints=hints)
         examine_drive(log, ("left", "right"))

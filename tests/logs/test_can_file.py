@@ -1,6 +1,7 @@
 """Recordings of a CAN bus, written by python-can and asammdf, read by the database of the bus."""
 
 import gc
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +157,24 @@ def test_a_recording_that_was_cut_off_gives_what_is_before_the_cut(share, tmp_pa
         assert "no readable recording of CAN" in str(error) or "holds no frame" in str(error)
     else:
         assert 0 < log.duration_s < 0.1 * N
+
+
+@pytest.mark.parametrize("version", [1, 9])
+def test_an_object_of_blf_without_a_length_ends_the_reading(version, tmp_path):
+    """Its header says how far the next object is; of an unknown version it would be skipped, again and again."""
+    path = WRITERS["Vector BLF"](tmp_path)
+    content = path.read_bytes()
+    container = content.index(b"LOBJ")
+    objects = bytearray(zlib.decompress(content[container + 32 :]))
+    half = objects.index(b"LOBJ", len(objects) // 2)
+    objects[half + 6 : half + 12] = version.to_bytes(2, "little") + bytes(4)
+    packed = zlib.compress(bytes(objects))
+    size = len(packed) + 32
+    header = content[container : container + 8] + size.to_bytes(4, "little") + content[container + 12 : container + 32]
+    path.write_bytes(content[:container] + header + packed + bytes(size % 4))
+    log = read_log(path, hints=hints(tmp_path))
+    assert len(log) == N // 2
+    assert "the file is damaged or cut off (an object of 0 bytes)" in str(log.notes)
 
 
 def test_frames_in_mdf(tmp_path):

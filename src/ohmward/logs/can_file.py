@@ -259,7 +259,7 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Rece
     try:
         # our own stream: python-can leaves its stream open on errors, and prints what it cannot read
         with silenced(), path.open("r" if is_text else "rb", errors="replace" if is_text else None) as stream:
-            for message in getattr(can, reader)(stream):
+            for message in (getattr(can, reader) if is_text else _blf_reader(can))(stream):
                 if message.is_error_frame or message.is_remote_frame:
                     continue
                 yield (message.arbitration_id, message.is_extended_id), message.timestamp, bytes(message.data)
@@ -268,6 +268,29 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Rece
         if is_empty:
             raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
+
+
+#: Beginning of an object in a BLF file, and length of its header, of which bytes 8 to 12 hold the object's length.
+_OBJECT, _OBJECT_BYTES = b"LOBJ", 16
+#: Furthest that the next object begins behind the one before.
+_PADDING = 8
+
+
+def _blf_reader(can: Any) -> Any:
+    """The reader of BLF files, which would read an object without a length again and again, and never end."""
+
+    class Reader(can.BLFReader):  # type: ignore[misc]
+        def _parse_data(self, data: bytes) -> Iterator[Any]:
+            at = data.find(_OBJECT, 0, _PADDING)
+            while 0 <= at <= len(data) - _OBJECT_BYTES:
+                length = int.from_bytes(data[at + 8 : at + 12], "little")
+                if length < _OBJECT_BYTES:
+                    yield from super()._parse_data(data[:at])
+                    raise ValueError(f"an object of {length} bytes")
+                at = data.find(_OBJECT, at + length, at + length + _PADDING)
+            yield from super()._parse_data(data)
+
+    return Reader
 
 
 def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterator[_Received]:
