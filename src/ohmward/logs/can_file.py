@@ -279,7 +279,7 @@ _PADDING = 8
 def _blf_reader(can: Any) -> Any:
     """The reader of BLF files, which would read an object without a length again and again, and never end."""
 
-    class Reader(can.BLFReader):  # type: ignore[misc]
+    class Reader(can.BLFReader):
         def _parse_data(self, data: bytes) -> Iterator[Any]:
             at = data.find(_OBJECT, 0, _PADDING)
             while 0 <= at <= len(data) - _OBJECT_BYTES:
