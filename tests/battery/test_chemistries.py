@@ -139,3 +139,9 @@ def test_lead_acid_gases_above_its_full_voltage_and_lithium_never():
     assert pack.gassing_V == pytest.approx(1.03 * pack.ocv.voltage_V[-1])
     assert pack.gassing_V == pytest.approx(6 * 2.23, abs=0.01)
     assert start_model("lfp", 12.0, 4).gassing_V is None
+
+
+def test_a_battery_prints_as_one_line():
+    battery = generic_battery("lfp", 12.0, 4, "desk")
+    volts = f"{battery.voltage_min_V:.4g} to {battery.voltage_max_V:.4g} V"
+    assert repr(battery) == f"Battery('desk', 4 lfp in series, 12 Ah, {volts})"

@@ -118,9 +118,10 @@ def test_defaults_are_those_of_the_library():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_help_has_examples(command, capsys):
-    examples = help_of(command, capsys).split("\nexamples:\n")[1]
+def test_every_help_has_examples_and_the_options_common_to_all(command, capsys):
+    options, examples = help_of(command, capsys).split("\nexamples:\n")
     assert f"  ohmward {command}" in examples
+    assert "-v, --verbose" in options and "-q, --quiet" in options
 
 
 EXAMPLES = [

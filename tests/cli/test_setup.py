@@ -22,6 +22,7 @@ from ohmward.cli.main import main
 from ohmward.onboard.recognition import Answers, Offered, recognise
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.serial_frame import SerialFrame, encode
+from ohmward.onboard.sinks.ros2 import Ros2Sink
 from onboard.servers import mosquitto
 
 BATTERY = ("--chemistry", "lfp", "--capacity-ah", "40", "--n-series", "8")
@@ -253,6 +254,21 @@ def test_topics_of_a_bag_become_those_of_the_robot(folder, set_up):
     set_up("day.mcap", *BATTERY, "--signal", "battery_state=/rear", status=0)
     source = written_source()
     assert source.battery_state == "/rear"
+
+
+def test_the_robot_is_given_the_states_by_ros_under_a_topic_of_their_own(folder, set_up):
+    write_mcap(folder / "day.mcap", {"/battery_state": (TYPE, payloads(20))})
+    set_up("day.mcap", *BATTERY, status=0)
+    sink = next(sink for sink in SETUP_FILE.load("robot.toml").sink if isinstance(sink, Ros2Sink))
+    assert (sink.battery, sink.battery_state) == ("battery.toml", "ohmward/battery_state")
+
+
+@pytest.mark.parametrize(("chemistry", "n_series"), [((), "4"), (("--chemistry", "lead-acid"), "6")])
+def test_cells_in_series_are_suggested_by_the_voltage(chemistry, n_series, folder, set_up):
+    """Of a pack at 13 V: four cells of LFP, the chemistry in the example, or six of lead-acid."""
+    write_mcap(folder / "day.mcap", {"/bms": (TYPE, payloads(20))})
+    asked = {q["option"]: q["example"] for q in set_up("day.mcap", "--robot", "seeder", *chemistry, status=1)["asked"]}
+    assert asked["--n-series"] == n_series
 
 
 JOINTS, TWIST = "sensor_msgs/msg/JointState", "geometry_msgs/msg/TwistWithCovarianceStamped"

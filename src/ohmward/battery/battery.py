@@ -164,6 +164,12 @@ class Battery(RichDisplay):
                 f"{self.thevenin.capacity_Ah:g}; give both the same"
             )
 
+    def __repr__(self) -> str:
+        cells = f"{self.n_series} {self.chemistry} in series" if self.chemistry else f"{self.n_series} in series"
+        volts = f"{self.voltage_min_V:.4g} to {self.voltage_max_V:.4g} V"
+        logs = f", logs learnt from: {len(self.learnt_logs)}" if self.learnt_logs else ""
+        return f"Battery({self.name!r}, {cells}, {self.capacity_Ah:.4g} Ah, {volts}{logs})"
+
     @property
     def learnt_logs(self) -> tuple[SeenLog, ...]:
         """Logs that it has learnt from, in their order."""

@@ -16,6 +16,7 @@ from importlib import import_module
 from types import ModuleType
 
 from ohmward import __version__
+from ohmward.cli.options import add_detail_options
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
 from ohmward.cli.paragraphs import Detail, styled, width
 from ohmward.cli.parser import Parser
@@ -176,6 +177,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             module = _load(name)
             command.epilog = f"examples:\n{module.EXAMPLES}"
             module.add_arguments(command)
+            add_detail_options(command)
     return parser.parse_args(words)
 
 

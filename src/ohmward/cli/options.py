@@ -142,14 +142,13 @@ def add_sensor_options(
 def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Options of the result."""
     group = parser.add_argument_group("results")
-    add_detail_options(group)
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output and nothing else")
     group.add_argument("--report", metavar="FILE.html", help="write a page with plots, one file that needs no network")
 
 
-def add_detail_options(group: argparse._ActionsContainer) -> None:
-    """Options for how many of the assumptions are printed."""
-    more = group.add_mutually_exclusive_group()
+def add_detail_options(parser: argparse.ArgumentParser) -> None:
+    """Options of every command for how many of the assumptions are printed."""
+    more = parser.add_argument_group("detail").add_mutually_exclusive_group()
     more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
     more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
 

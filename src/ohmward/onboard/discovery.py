@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import defaultdict
 from collections.abc import Coroutine, Iterator, Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ from ohmward.onboard.message import as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.recognition import Offered
 from ohmward.onboard.ros.cdr import read
-from ohmward.onboard.ros.types import JOINT_STATE
+from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameReader
 from ohmward.onboard.sources.serial import SerialSource
 from ohmward.optional import require
@@ -156,11 +157,12 @@ def messages_of_line(port: str, baud: int, seconds: float) -> dict[int, int]:
 
 
 class BagTopic(NamedTuple):
-    """A topic of a recording, its type, and its joints if it is about joints."""
+    """A topic of a recording, its type, its joints if it is about joints, and the voltage if it is about a battery."""
 
     name: str
     type: str
     joints: tuple[str, ...]
+    voltage_V: float = math.nan  #: of the first message
 
 
 def topics_of_bag(path: str) -> list[BagTopic]:
@@ -170,7 +172,10 @@ def topics_of_bag(path: str) -> list[BagTopic]:
         InputError: it is not a recording.
     """
     first = open_recording(Path(path)).first_messages()
-    return [BagTopic(topic.name, topic.type, tuple(_joints(topic, payload))) for topic, _, payload in first.values()]
+    return [
+        BagTopic(topic.name, topic.type, tuple(_joints(topic, payload)), _voltage_V(topic, payload))
+        for topic, _, payload in first.values()
+    ]
 
 
 def _joints(topic: Topic, payload: bytes) -> list[str]:
@@ -179,6 +184,14 @@ def _joints(topic: Topic, payload: bytes) -> list[str]:
         return []
     layout, _ = read(topic.type, payload)
     return [joint for path, joint in layout.texts.items() if path.startswith("name[")]
+
+
+def _voltage_V(topic: Topic, payload: bytes) -> float:
+    """Voltage in a message of a battery; nan for another type, or for ROS 1."""
+    if topic.type != BATTERY_STATE or topic.encoding != CDR:
+        return math.nan
+    _, numbers = read(topic.type, payload)
+    return numbers["voltage"]
 
 
 def _for_so_long(listening: Coroutine[Any, Any, None], seconds: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import ROBOT, add_detail_options, add_log_options, add_sensor_options
+from ohmward.cli.options import ROBOT, add_log_options, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -66,7 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--terrain", metavar="NAME", help="ground under a robot (default dry asphalt)")
     _add_target_options(parser)
     add_log_options(parser, interval=False)
-    add_detail_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 

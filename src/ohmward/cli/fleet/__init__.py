@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_detail_options, add_log_options, add_sensor_options, add_start_options
+from ohmward.cli.options import add_log_options, add_sensor_options, add_start_options
 from ohmward.cli.parser import count
 
 EXAMPLES = """\
@@ -41,6 +41,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--dask", metavar="ADDRESS", help="on the workers of this scheduler, such as tcp://10.0.0.5:8786"
     )
-    add_detail_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     add_log_options(parser)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import re
 import shlex
 import sys
@@ -12,8 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ohmward.atomic import back_up, write_text
-from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.chemistries import chemistry, generic_battery
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
@@ -35,6 +38,7 @@ from ohmward.onboard.message import ScaledSignal, signal_line
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.recognition import Answers, Offered, Question, ask_wheels, recognise
 from ohmward.onboard.robot_setup import SETUP_FILE
+from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources.ros2 import TOPICS, wheel_of
 from ohmward.quantities import QUANTITIES
 from ohmward.toml_file import noun_of
@@ -45,6 +49,11 @@ _DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".b
 _RECORDINGS = (".mcap", ".db3", ".bag")
 _BUS = re.compile(r"(?P<interface>[a-z]\w*):(?P<channel>[^/].*)|(?P<link>v?can\d+)")
 _PORT = re.compile(r"/dev/\S+|COM\d+|socket://\S+")
+
+#: Example of a chemistry.
+_CHEMISTRY = "lfp"
+#: A cell may be charged at this many times its open-circuit voltage.
+_CHARGED = 1.03
 
 #: Settings of the ROS source whose topics are found by their type. Others give a speed, which may be that of the wheels
 #: themselves, or one to the east: they are wired only if named.
@@ -94,7 +103,7 @@ def run(args: argparse.Namespace) -> Outcome:
         if not plan.questions:
             raise InputError("no signal of a battery or of wheels was recognised; wire some: --signal SIGNAL=NAME")
         raise InputError(
-            f"{len(plan.wired)} signals recognised, and neither a battery nor a robot to estimate with; "
+            f"{len(_found(plan))} signals recognised, and neither a battery nor a robot to estimate with; "
             + " ".join(question.text for question in plan.questions),
             [word for question in plan.questions for word in (question.option, question.example)],
         )
@@ -195,7 +204,8 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
     offers = [_recording(offer.topics, of_ros) if offer.kind == "ros2" else offer for offer in offers]
     first = [recognise(offer.offered, None, _of(answers, offer, len(offers) == 1)) for offer in offers]
     sent = [s for offer, found in zip(offers, first, strict=True) for s in _named(offer, found.signals)]
-    battery = _battery(args, [signal for signal in sent if signal.startswith(("battery", "cell"))])
+    signals_of_battery = [signal for signal in sent if signal.startswith(("battery", "cell"))]
+    battery = _battery(args, signals_of_battery, _voltage_V(offers, [found.signals for found in first]))
     robot = _robot(args, [signal for signal in sent if signal.startswith("wheel")])
     of_robot = ROBOT_FILE.parse(robot.text) if robot.text else load_robot(robot.path) if robot.path else None
     questions = [*battery.questions, *robot.questions, *(question for offer in offers for question in offer.questions)]
@@ -269,7 +279,20 @@ class _File(NamedTuple):
     questions: tuple[Question, ...] = ()
 
 
-def _battery(args: argparse.Namespace, signals: Sequence[str]) -> _File:
+def _voltage_V(offers: Sequence[Offer], wired: Sequence[Mapping[str, ScaledSignal]]) -> float:
+    """Usual voltage of the battery as heard or recorded; nan where it is not known."""
+    for offer, signals in zip(offers, wired, strict=True):
+        if signal := signals.get("battery_voltage_V"):
+            values = next(one.values for one in offer.offered if one.name == signal.name)
+            if np.isfinite(values).any():
+                return signal.scale * float(np.nanmedian(values)) + signal.offset
+        for topic in offer.topics:
+            if topic.name == offer.settings.get("battery_state"):
+                return topic.voltage_V
+    return math.nan
+
+
+def _battery(args: argparse.Namespace, signals: Sequence[str], voltage_V: float) -> _File:
     """The battery file that is given, one made from the label, or one that is already beside the setup."""
     path = str(Path(args.output).with_name("battery.toml"))
     if args.battery:
@@ -280,12 +303,26 @@ def _battery(args: argparse.Namespace, signals: Sequence[str]) -> _File:
         return _File(path, BATTERY_FILE.dump(generic_battery(args.chemistry, args.capacity_ah, n_series)))
     if not (args.chemistry or args.capacity_ah) and noun_of(path) == BATTERY_FILE.noun:
         return _File(path)
+    in_series, n_series = "how many of its cells are in series?", 8
+    if voltage_V > 0.0:
+        usual = args.chemistry or _CHEMISTRY
+        n_series = _cells_in_series(usual, voltage_V)
+        in_series += f" {voltage_V:.4g} V suggest about {n_series} of {usual}"
     asked = (
-        (args.chemistry, "of which chemistry is the battery? Or its file, --battery FILE.toml", "--chemistry", "lfp"),
+        (args.chemistry, "of which chemistry is the battery? Or its file, --battery FILE.toml", "--chemistry",
+         _CHEMISTRY),
         (args.capacity_ah, "which capacity [Ah] is on its label?", "--capacity-ah", "40"),
-        (args.n_series or cells, "how many of its cells are in series?", "--n-series", "8"),
-    )
+        (args.n_series or cells, in_series, "--n-series", str(n_series)),
+    )  # fmt: skip
     return _File(None, "", tuple(Question(*question) for known, *question in asked if signals and not known))
+
+
+def _cells_in_series(name: str, voltage_V: float) -> int:
+    """Number of cells of a chemistry at a voltage between nearly empty and full, nearest to half full."""
+    low_V, half_V, full_V = np.quantile(chemistry(name).ocv_V, (0.1, 0.5, 1.0))
+    counts = range(math.ceil(voltage_V / (_CHARGED * full_V)), math.floor(voltage_V / low_V) + 1)
+    half = voltage_V / half_V
+    return min(counts, key=lambda count: abs(count - half), default=max(round(half), 1))
 
 
 def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
@@ -360,6 +397,15 @@ def _lines(plan: SetupPlan) -> Iterator[str]:
             yield from ("", "[source.signals]", *(signal_line(*one) for one in signals.items()))
     for kind in ("page", "store"):
         yield from ("", "[[sink]]", f'kind = "{kind}"')
+    if of_ros := next((offer.settings for offer, _ in plan.sources if offer.kind == "ros2"), None):
+        yield from ("", "[[sink]]", 'kind = "ros2"')
+        yield from _settings({"battery": plan.battery} | _renamed(of_ros))
+
+
+def _renamed(source: Mapping[str, Any]) -> dict[str, str]:
+    """Setting of the ROS sink by which it does not publish the topic of the battery that its source takes."""
+    own = Ros2Sink.battery_state
+    return {"battery_state": f"ohmward/{own}"} if source.get("battery_state", "").strip("/") == own else {}
 
 
 def _settings(values: Mapping[str, Any]) -> Iterator[str]:

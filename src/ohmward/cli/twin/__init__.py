@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import DEFAULT_TERRAIN, LOG, ROBOT, add_detail_options, add_drive_options, add_sensor_options
+from ohmward.cli.options import DEFAULT_TERRAIN, LOG, ROBOT, add_drive_options, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -41,6 +41,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="of a battery's log: what a positive current in the file does to it (default %(default)s)",
     )
-    add_detail_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("-o", "--output", metavar="FILE", help="write what the firmware says: .csv, .parquet or .mcap")
