@@ -244,3 +244,15 @@ def test_a_browser_draws_every_figure(tmp_path):
     run = subprocess.run(["chromium", *options, path.as_uri()], capture_output=True, text=True, timeout=60, check=True)
     assert run.stdout.count("<canvas") == run.stdout.count('class="legend"') == 2 + 2 * len(odd_figures())
     assert 'class="hint"' in run.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs the program chromium to run the page's code")
+def test_a_page_that_is_loaded_has_its_figures(tmp_path):
+    """As `chromium --print-to-pdf` takes it: at the end of loading, without waiting."""
+    path = tmp_path / "report.html"
+    full_page().write(path)
+    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    run = subprocess.run(["chromium", *options, path.as_uri()], capture_output=True, text=True, timeout=60, check=True)
+    assert run.stdout.count("<canvas") == run.stdout.count('class="legend"') > 0
+    assert 'aria-busy="false"' in run.stdout

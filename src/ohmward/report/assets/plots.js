@@ -365,6 +365,15 @@
     resized.observe(canvas);
   }
 
+  /* A document within the page that is not finished until it is removed, and the page neither: a browser that prints a
+     page as soon as it is loaded would print empty figures. */
+  function unfinished() {
+    const frame = Object.assign(element("iframe"), { hidden: true });
+    document.body.append(frame);
+    frame.contentDocument.open();
+    return frame;
+  }
+
   const fit = ({ u, canvas }, width = canvas.clientWidth) => width && u.setSize({ width, height: u.height });
   const redraw = () => plots.forEach(({ u }) => u.redraw(false));
 
@@ -385,7 +394,11 @@
   const main = document.querySelector("main");
   const stacks = [...document.querySelectorAll(".stack")];
   main.ariaBusy = "true";
-  Promise.all(stacks.map(build)).finally(() => (main.ariaBusy = "false"));
+  const loading = unfinished();
+  Promise.all(stacks.map(build)).finally(() => {
+    main.ariaBusy = "false";
+    loading.remove();
+  });
   if (stacks.length) {
     const hint = "Drag to zoom, shift-drag to scroll, double-click to reset; click a name to hide its line.";
     main.append(element("p", "hint", hint));
