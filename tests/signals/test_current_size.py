@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.signals.current_size import check_hidden_charge, check_wrapped
+from ohmward.signals.current_size import check_hidden_charge, check_wrapped, too_small
 
 
 def drive(largest_A, seed=0):
@@ -77,6 +77,13 @@ def test_a_current_that_has_lost_its_sign_did_not_wrap(largest_A):
     """Charge and discharge of 40 A as sizes: less 65.536 A, the discharges of 50 A would have the right sign."""
     current_A, voltage_V = drive(largest_A)
     assert list(check_wrapped(np.abs(np.round(current_A, 3)), voltage_V)) == []
+
+
+@pytest.mark.parametrize(("scale", "named"), [(1.0, False), (1e-3, True)])
+def test_a_power_in_kilowatts_read_in_watts_is_named_by_its_resistance(scale, named):
+    """20 mohm a cell become 20 ohm."""
+    current_A, voltage_V = drive(20.0)
+    assert bool(too_small(scale * current_A, voltage_V)) == named
 
 
 def charged_past_the_sensor(seed=0):

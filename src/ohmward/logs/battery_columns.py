@@ -144,8 +144,12 @@ _MOST_AT_ONCE = 0.05
 _FLOWS = 0.05
 #: Words that are a current, or a power, by themselves.
 _CURRENTS, _POWERS = word_set("ladestrom entladestrom"), word_set("ladeleistung entladeleistung")
-_POWER = word_set("power p leistung watts")
+_POWER = word_set("power p leistung watts active")
 _CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
+_CURRENT_OF_POWER = "pack current"
+#: A current without a sign gets that of the power if the ratio of their sizes varies by less than this share, and if
+#: this share of the samples, in which there is more than the last share of the largest current, flows each way.
+_SAME_RATIO, _EACH_WAY, _FLOWING = 0.25, 0.01, 0.05
 
 
 def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
@@ -204,21 +208,29 @@ def with_power(
 
     columns, units: those that the caller named.
     """
-    power = _only(list(filter(_is_power, file.names)))
+    power = power_column(file)
     if power is None or _has(file, CURRENT, columns):
         return file
     voltage = _has(file, VOLTAGE, columns, (), units)
     if voltage is None:
         return file
 
+    unit = unit_in_name(power, ("power",))
+
     def over(table: Table) -> tuple[np.ndarray, Note]:
-        power_W = (unit_in_name(power, ("power",)) or UNITS["w"]).in_si(numbers(table, power))
+        power_W = (unit or UNITS["w"]).in_si(numbers(table, power))
         voltage_V = (voltage.unit or VOLTAGE.default).in_si(numbers(table, voltage.name))
         current_A = np.full(power_W.size, np.nan)
         np.divide(power_W, voltage_V, out=current_A, where=voltage_V > 0.0)
         return current_A, Note(f"current: {power!r} over {voltage.name!r}")
 
-    return file.with_column(_CURRENT, (power, voltage.name), over)
+    # without the unit in its name the size of the current is checked
+    return file.with_column(_CURRENT if unit else _CURRENT_OF_POWER, (power, voltage.name), over)
+
+
+def power_column(file: TableFile) -> str | None:
+    """The only column of a battery power; None if there are none or several."""
+    return _only(list(filter(_is_power, file.names)))
 
 
 def _has(
@@ -300,6 +312,25 @@ def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[
         return current, ()
     note = Note(f"the current has no sign: it gets that of the state in {name!r}, charge or discharge, taken")
     return np.where(signs < 0, 0.0 - current, current), (note,)
+
+
+def with_sign_of_power(
+    current_A: np.ndarray, power: np.ndarray, voltage_V: np.ndarray, name: str
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The current (T,) with the sign of the power (T,) in the column `name`, if it has none itself and that one has.
+
+    power: in any unit, as large as current times voltage (T,).
+    """
+    flowing = np.isfinite(power) & (np.abs(current_A) > _FLOWING * np.nanmax(np.abs(current_A), initial=0.0))
+    if np.nanmin(current_A, initial=0.0) < 0 or not flowing.any():
+        return current_A, ()
+    ratio = np.abs(power[flowing]) / (current_A[flowing] * np.abs(voltage_V[flowing]))
+    low, usual, high = np.nanquantile(ratio, (0.1, 0.5, 0.9))
+    ways = np.mean(power[flowing] > 0), np.mean(power[flowing] < 0)
+    if min(ways) < _EACH_WAY or not high - low < _SAME_RATIO * usual:
+        return current_A, ()
+    note = Note(f"the current has no sign: it gets that of the power in {name!r}")
+    return np.where(power < 0, 0.0 - current_A, current_A), (note,)
 
 
 def _is_charging_flag(name: str) -> bool:

@@ -15,11 +15,13 @@ from ohmward.errors import InputError
 from ohmward.logs import clean
 from ohmward.logs.battery_columns import (
     full_charges,
+    power_column,
     state_column,
     with_both_ways,
     with_direction,
     with_pack_voltage,
     with_power,
+    with_sign_of_power,
 )
 from ohmward.logs.clean import without_impossible
 from ohmward.logs.clock import with_joined_time
@@ -35,11 +37,11 @@ from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
-from ohmward.signals.current_size import check_wrapped, forgotten_scale
+from ohmward.signals.current_size import check_wrapped, forgotten_scale, too_small
 
 #: Quantities of the battery that have an array of their own; others are among `extra`.
 _COLUMNS = tuple(
@@ -203,17 +205,22 @@ def read_log(
         again = partial(read_log, opened, current_sign=current_sign, units=units, where=where, sort_time=sort_time)
         raise _with_further(error, columns or {}, again) from None
     state = state_column(file) if current_sign != "discharge" else None
-    columns_beside = extra if extra is None or state is None else {*extra, state}
+    power = power_column(file)
+    columns_beside = extra if extra is None else {*extra, *filter(None, (state, power))}
     wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
 
     def to_numbers(table: Table) -> Table:
         table = clean.to_si(table, chosen)
         if "voltage" not in (units or {}):
             clean.require_voltage(table, chosen["voltage"], chosen["current"])
-        if state is None or state not in table.columns:
-            return table
         name = chosen["current"].name
-        current_A, notes = with_direction(table.columns[name], table.columns[state], state)
+        notes: tuple[Note, ...] = ()
+        current_A = table.columns[name]
+        if state and state in table.columns:
+            current_A, notes = with_direction(current_A, table.columns[state], state)
+        if power and power in table.columns and not notes and current_sign == "auto":
+            voltage_V = table.columns[chosen["voltage"].name]
+            current_A, notes = with_sign_of_power(current_A, numbers(table, power), voltage_V, power)
         return table.with_columns({name: current_A}, *notes)
 
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
@@ -331,6 +338,9 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "
         option = ("--unit", f"current={scale.symbol}")
         warnings += (Note(text + " ".join(option), "warning", option),)
+    elif chosen["current"].unit is None and (why := too_small(current_A, voltage_V)):
+        text = f"column {chosen['current'].name!r} names no unit; {why}: name the unit, as in power_kW"
+        warnings += (Note(text, "warning"),)
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
     current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)

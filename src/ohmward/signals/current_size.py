@@ -36,6 +36,8 @@ _WHOLE, _BETTER = 1e-3, 0.2
 _NOISE, _MOST_OHMS = 4.0, 100
 #: A cell has more than this resistance [ohm], except those of hundreds of ampere-hours, and at most this voltage [V].
 LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
+#: Cells that are logged have less than this resistance [ohm].
+_MOST_CELL_OHM = 0.5
 #: A resistance is too small if it is by this many standard errors; smallest peak current [A] that is questioned.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 
@@ -188,7 +190,7 @@ def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale
     edges = edge_test(current_A[known], voltage_V[known])
     if largest_A < _DOUBTFUL_FROM_A or edges.t_value == 0.0:
         return None
-    least_ohm = LEAST_CELL_OHM * max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
+    least_ohm = LEAST_CELL_OHM * _fewest_cells(voltage_V[known])
     most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
     if most_ohm > least_ohm:
         return None
@@ -196,3 +198,24 @@ def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale
     ohm = abs(edges.resistance_ohm)
     text = f"as amperes it goes to {largest_A:.3g} A at dV/dI = {1e3 * ohm:.2g} mohm, less than cells have"
     return next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor), text
+
+
+def too_small(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
+    """Why a current must be larger, as of a power in kilowatts read in watts: its resistance is too large; else "".
+
+    current_A, voltage_V: (T,), nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    edges = edge_test(current_A[known], voltage_V[known])
+    if not edges.sign:
+        return ""
+    least_ohm = abs(edges.resistance_ohm) * (1.0 - _CERTAIN / abs(edges.t_value))
+    if least_ohm < _MOST_CELL_OHM * _fewest_cells(voltage_V[known]):
+        return ""
+    largest_A, ohm = np.abs(current_A[known]).max(), abs(edges.resistance_ohm)
+    return f"as amperes it goes to {largest_A:.3g} A at dV/dI = {ohm:.2g} ohm, more than cells have"
+
+
+def _fewest_cells(voltage_V: np.ndarray) -> float:
+    """Least number of cells in series, not rounded, of a battery with voltages (T,)."""
+    return max(float(np.median(voltage_V)) / HIGHEST_CELL_V, 1.0)

@@ -245,6 +245,8 @@ TELEMETRY = (
          for (t, i, u, c), at in zip(LOG.rows(), LOG.moments, strict=True)] + [""]), dated=True, warm=False),
     f("power and voltage", lines(("Time", "Battery Voltage (V)", "Battery Power (W)", "Temp (C)"), rows_of(
         LOG, lambda t, i, u, c, at: (t, u, i * u, c)))),
+    f("size of the current, signed power", lines(("timestamp", "active_power", "voltage", "current"), rows_of(
+        LOG, lambda t, i, u, c, at: (int(at.timestamp()), round(u * i, 1), u, abs(i)))), dated=True, warm=False),
     f("a column for each direction", lines(("t [s]", "U [V]", "I_chg [A]", "I_dsg [A]"), rows_of(
         LOG, lambda t, i, u, c, at: (t, u, max(i, 0), max(-i, 0)))), warm=False),
     f("JK BMS", lines(JK, JK_ROWS), dated=True),
