@@ -37,7 +37,7 @@ BAD_LOGS = {
     "header only": ("time_s,current_A,voltage_V\n", "no row"),
     "not a log": ("# Shopping\n\n- bread\n- butter\n", "column"),
     "no voltage": ("time_s,current_A\n" + "\n".join(f"{k},1" for k in range(9)), "no column for the voltage"),
-    "text in numbers": (with_row(7, "7,high,12"), "high"),
+    "text in numbers": (with_row(7, "7,1..5,12"), "1..5"),
     "no voltage at all": ("time_s,current_A,voltage_V\n" + "\n".join(f"{k},{k % 3}," for k in range(50)), "no value"),
     "time backwards": ("\n".join(["time_s,current_A,voltage_V", *reversed(rows()), ""]), "the time falls"),
     "two currents": (

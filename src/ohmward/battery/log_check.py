@@ -93,7 +93,7 @@ def check_log(log: Log, battery: Battery) -> Log:
         raise InputError(
             f"{log.name}: its voltage is usually {usual_V:.4g} V, but battery {battery.name!r} was seen between "
             f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
-            "(--unit voltage=mV)?"
+            "(--unit voltage=mV, units={'voltage': 'mV'})?"
         )
     log = _check_temperature(log, battery)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)

@@ -104,8 +104,9 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s") -> BodyMotion:
     """
     if speed_column not in log.extra:
         raise InputError(
-            f"{log.name}: there is no speed: neither wheels (give --robot) nor a column {speed_column!r}; name it with "
-            f"--column speed=NAME. It has: {', '.join(log.extra) or 'nothing but the battery'}"
+            f"{log.name}: there is no speed: neither wheels (give the robot: --robot) nor a column {speed_column!r}; "
+            "name it with --column speed=NAME (speed_column='NAME'). It has: "
+            f"{', '.join(log.extra) or 'nothing but the battery'}"
         )
     slope = next((name for name in SLOPE_COLUMNS if name in log.extra), None)
     ground = f"slope from {slope!r}" if slope else "level ground assumed"

@@ -55,7 +55,7 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
     finds = _finds(by)
     if by not in (AUTO, NAME, FOLDER) and not any(find(file.names) for file in files.values() for find in finds):
         what = "a serial number" if by == SERIAL else f"the column {by!r}"
-        raise InputError(f"--by {by}: no log has {what}; name another column, or one of {', '.join(WAYS)}")
+        raise InputError(f"by={by!r} (--by {by}): no log has {what}; name another column, or one of {', '.join(WAYS)}")
     labels = {text: label for text, file in files.items() if (label := _label(file, finds)) is not None}
     readable = [text for text, file in files.items() if text in labels or _has_rows(text, file)]
     way = _way(readable, labels) if by == AUTO else FOLDER if by == FOLDER else NAME

@@ -88,7 +88,8 @@ def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1
         yield from _side_by_side(job, batches, processes)
     except BrokenProcessPool as error:
         raise OhmwardError(
-            "a process was killed, perhaps for want of memory; start again with fewer --processes: finished logs stay"
+            "a process was killed, perhaps for want of memory; start again with fewer (--processes, processes=): "
+            "finished logs stay"
         ) from error
 
 

@@ -178,7 +178,7 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
             yield (
                 f"the encoder of {name} jumps to {np.abs(speed).max():.4g} rad/s in {spikes.sum()} samples, usual are "
                 f"{usual:.3g} rad/s: a counter that rolled over? If the file has the counts, read those with --unit "
-                "wheel_speed=counts"
+                "wheel_speed=counts (units={'wheel_speed': 'counts'})"
             )
 
 
@@ -233,7 +233,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     yield (
         f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
         "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
-        "--from and --to a part in which the robot drives forward"
+        "--from and --to (FileHints(start=..., stop=...)) a part in which the robot drives forward"
     )
 
 
@@ -359,7 +359,8 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
         return
     text = (
         f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
-        "wheel_speed=rpm, or m/s), the motors' speed (--motor-shaft), or another radius in the robot file?"
+        "wheel_speed=rpm or m/s, units={'wheel_speed': 'rpm'}), the motors' speed (--motor-shaft, "
+        "at_motor_shaft=True), or another radius in the robot file?"
     )
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
         raise InputError(f"{log.name}: {text}")

@@ -119,7 +119,7 @@ SILENT_S = 1.0
 #: Flags of a sensor that the model contradicts, and the advice.
 CONTRADICTIONS = {
     SlipFlag.ENCODER_DOUBTED: "encoders do not move as motors and ground allow: check their signs, their order, "
-    "--motor-shaft and the mass and torque constant of the robot file",
+    "their shaft (--motor-shaft, at_motor_shaft=True) and the mass and torque constant of the robot file",
     SlipFlag.GYRO_REJECTED: "the gyro turns otherwise than the wheels: check its sign and unit, left and right, and "
     "the track; wheels that scrub in turns need the chassis skid-steer in the robot file",
     SlipFlag.SPEED_REJECTED: "the speed from outside contradicts wheels and motors: check its unit, its delay "

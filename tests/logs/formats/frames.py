@@ -43,7 +43,7 @@ def _damaged(rng: np.random.Generator) -> Any:
         except (ValueError, TypeError, OverflowError, IndexError, KeyError, AttributeError, NotImplementedError):
             continue  # a change that pandas does not allow
     # pyarrow itself crashes on cells that it has no type for
-    is_plain = not any(column.dtype == object for _, column in frame.items())
+    is_plain = not any(one.dtype == object for one in (frame.index, *(column for _, column in frame.items())))
     kind = int(rng.integers(3)) if is_plain else 0
     try:
         table = pyarrow.Table.from_pandas(frame) if kind else None

@@ -72,7 +72,7 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
         raise InputError(
             f"{without[0]}: no date in this log, or one that may name the day or the month first, but there is one in "
             "others, so their order is not known; give it dates (a column of dates or Unix time), say how they are "
-            "written with --time-format '%d.%m.%Y %H:%M:%S', or leave it out"
+            "written with --time-format '%d.%m.%Y %H:%M:%S' (FileHints(time_format=...)), or leave it out"
         )
     ends_s = np.cumsum([log.duration_s for log in logs])
     note = "no log has a wall clock: the order given is used, without pauses in between"

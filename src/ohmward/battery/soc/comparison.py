@@ -123,7 +123,7 @@ def compare(
     if not names:
         raise InputError(
             f"battery {battery.name!r}: no estimator works with the models in its file; "
-            "identify it with --model thevenin"
+            "identify it with model='thevenin' (--model thevenin)"
         )
     if isinstance(truth, str):
         truth = soc_reference(log, truth, battery.capacity_Ah, initial_soc).soc

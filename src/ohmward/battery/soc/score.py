@@ -174,7 +174,7 @@ def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | 
     first, minus, second = (part.strip() for part in column.partition(" - "))
     values = log.column(first) - log.column(second) if minus else log.column(column)
     if np.isnan(values).all():
-        raise InputError(f"{log.name}: the column {column!r} for --truth has no value; choose another")
+        raise InputError(f"{log.name}: the reference {column!r} has no value; choose another column (--truth, truth=)")
     if unit := _AMPERE_HOURS.search(column):
         milli = 1e-3 if unit["milli"] else 1.0
         return _from_counter(log, column, milli * values, capacity_Ah, start_soc)
@@ -184,8 +184,8 @@ def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | 
     if low >= -100 * REFERENCE_MARGIN and high <= 100 * (1.0 + REFERENCE_MARGIN):
         return SocReference(values / 100, f"truth from {column!r}, read as percent: {low:.3g} % to {high:.3g} %")
     raise InputError(
-        f"{log.name}: --truth {column} runs from {low:g} to {high:g}; a state of charge lies between 0 and 1 or 0 and "
-        "100 %; a counter of ampere hours must have Ah in its name"
+        f"{log.name}: the reference {column!r} (--truth, truth=) runs from {low:g} to {high:g}; a state of charge lies "
+        "between 0 and 1 or 0 and 100 %; a counter of ampere hours must have Ah in its name"
     )
 
 
@@ -195,7 +195,8 @@ def _from_counter(
     """Start plus counted charge over capacity; the current shows in which direction the counter counts."""
     if start_soc is None:
         raise InputError(
-            f"{log.name}: {column!r} counts ampere hours; say where it starts with --truth-start 1.0 (or --initial-soc)"
+            f"{log.name}: {column!r} counts ampere hours; say where it starts with initial_soc=1.0 (--truth-start "
+            "1.0, or --initial-soc 1.0)"
         )
     counted = np.isfinite(counter_Ah)
     total_Ah, way, resets = _counted_charge(log.select(counted), counter_Ah[counted])
@@ -205,7 +206,8 @@ def _from_counter(
     if low < -REFERENCE_MARGIN or high > 1.0 + REFERENCE_MARGIN:
         raise InputError(
             f"{log.name}: from {start_soc:g}, {column!r} over {capacity_Ah:g} Ah would lead from {low:.3g} to "
-            f"{high:.3g}; check --truth-start, the capacity in the battery file and what the column counts"
+            f"{high:.3g}; check its start (--truth-start, initial_soc=), the capacity in the battery file and what the "
+            "column counts"
         )
     note = f"truth from {column!r}: {start_soc:g} at its first value, counted up in {way}, over {capacity_Ah:g} Ah"
     return SocReference(soc, note + (", resets undone" if resets else ""))

@@ -136,7 +136,7 @@ def with_wheel_loads(robot: Robot, loads_N: Sequence[float]) -> Robot:
     found_N = sum(loads_N)
     if not weight_N / _OTHER_UNIT < found_N < _OTHER_UNIT * weight_N:
         raise InputError(
-            f"--wheel-load adds up to {found_N:.4g} N, the robot file's mass weighs {weight_N:.4g} N; "
+            f"the wheel loads (--wheel-load) add up to {found_N:.4g} N, the robot file's mass weighs {weight_N:.4g} N; "
             "give newtons, not kilograms or grams, or correct robot.mass_kg"
         )
     return replace(robot, mass_kg=found_N / GRAVITY, wheel_load_N=tuple(loads_N))

@@ -128,7 +128,8 @@ def unidentified_floor(floor: Floor) -> str:
         return ""
     return (
         f"friction {floor.friction:.3g} with a standard deviation of {100 * floor.friction_std:.0f} % (at most "
-        f"{MOST_FRICTION:g} and {100 * MOST_FRICTION_STD:.0f} %): calibrate the robot first (--what radius,motor), "
+        f"{MOST_FRICTION:g} and {100 * MOST_FRICTION_STD:.0f} %): calibrate the robot first (--what "
+        "radius,motor, parts=('radius', 'motor')), "
         "weigh its wheels (--wheel-load), or add drives in which the wheels slip more; no floor was learnt"
     )
 

@@ -192,7 +192,7 @@ def calibrate_track(
         InputError: a robot whose wheels have rollers, or no steady stretch.
     """
     if isinstance(robot.chassis, Omni | Mecanum):
-        raise InputError(f"{robot.name} has no left and right side; leave the track out of --what")
+        raise InputError(f"{robot.name} has no left and right side; leave the track out (--what, parts=)")
     name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
     unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
     rows = cut(drives, robot, turning=True)

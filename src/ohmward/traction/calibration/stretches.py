@@ -60,7 +60,8 @@ def motion_from_speed(
     """
     if robot.chassis.rollers:
         raise InputError(
-            f"{robot.name} moves sideways too: one speed does not say how; give its pose (--pose X,Y,HEADING)"
+            f"{robot.name} moves sideways too: one speed does not say how; give its pose (--pose X,Y,HEADING, "
+            "motion_from_pose)"
         )
     yaw_rate = np.zeros_like(speed_m_s) if yaw_rate_rad_s is None else between(time_s, yaw_rate_rad_s)
     speed = between(time_s, speed_m_s)
@@ -174,7 +175,7 @@ def _straight(found: Stretches, robot: Robot) -> Stretches:
     if not straight.any():
         raise InputError(
             f"{robot.name} drags its wheels sideways in turns, and no stretch of the drives is straight; add a drive "
-            "straight ahead, or calibrate the track alone (--what track)"
+            "straight ahead, or calibrate the track alone (--what track, parts=('track',))"
         )
     return Stretches(*(values[straight] for values in found))
 

@@ -77,7 +77,7 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     radius = radius_m or float(np.mean([wheel.radius_m for wheel in driven]))
     total_kg = sum(link.mass_kg for link in links)
     if not (mass_kg or total_kg) > 0:
-        raise InputError(f"{path}: its links have no masses; give the robot's with --mass")
+        raise InputError(f"{path}: its links have no masses; give the robot's with --mass (mass_kg=)")
     assumed = ["motors: a URDF has none; usual ones for the mass are assumed, so their currents give no forces yet"]
     if total_kg > 0:
         centre_m = np.average([link.centre_m for link in links], axis=0, weights=[link.mass_kg for link in links])
@@ -200,7 +200,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
     rolling = [link for link in links if link.joint and abs(link.axis[2]) < _MOST_TILT]
     sized = [link for link in rolling if link.radius_m > 0 or radius_m]
     if rolling and not sized:
-        raise InputError(f"{path}: has only meshes of its wheels; give their radius with --radius")
+        raise InputError(f"{path}: has only meshes of its wheels; give their radius with --radius (radius_m=)")
     bottoms = [link.at_m[2] - (radius_m or link.radius_m) for link in sized]
     found = [
         link
@@ -217,7 +217,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
     if not radius_m and max(radii) > (1.0 + _SAME_SHARE) * min(radii):
         raise InputError(
             f"{path}: its wheels have radii from {min(radii):g} to {max(radii):g} m, and ohmward needs "
-            "equal ones; give that of the driven wheels with --radius"
+            "equal ones; give that of the driven wheels with --radius (radius_m=)"
         )
     return sorted(found, key=lambda link: (-round(link.at_m[0], 3), -link.at_m[1]))
 

@@ -225,7 +225,8 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     method, matching = filter_named(name)
     if not np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).any():
         raise InputError(
-            f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"
+            f"log {log.name!r} has no speed of a driven wheel; name its column with --column left_wheel_speed=NAME "
+            "(columns={'left_wheel_speed': 'NAME'}), or correct the robot"
         )
     tracked = with_effective_track(robot, log)
     rolling = free_sideways(tracked)
