@@ -175,6 +175,7 @@ def test_every_notation_of_a_unit_reads_alike():
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),
+        (["ts", "I_pack", "U_pack", "U1", "U2", "U3"], ("ts", None), ("I_pack", None), ("U_pack", None)),
         (
             ["Time", "Cumulative Time", "Current(A)", "Voltage(V)"],
             ("Cumulative Time", None),

@@ -61,6 +61,16 @@ def test_counts_since_the_last_row_are_added_up(per_turn, back, tmp_path):
     np.testing.assert_allclose(totals[0], totals[1], atol=1e-6)
 
 
+@pytest.mark.parametrize(("scale", "named"), [(1.0, True), (40.0, False)])
+def test_counts_that_never_leave_zero_far_are_doubted(scale, named, tmp_path):
+    """Counts since the last row of a drive to and fro, so smooth that they may be a wheel that hardly turns."""
+    counts = np.round(scale * 100.0 * np.sin(0.3 * T))
+    write_table({"time_s": T, "left_ticks": counts, "right_ticks": counts}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=4096)
+    doubts = [note for note in log.notes if "if these are counts since the previous row" in note.text]
+    assert [note.level for note in doubts] == ["warning", "warning"] * named
+
+
 def test_a_counter_that_rolls_over_within_a_turn_is_not_added_up(tmp_path):
     counts = np.mod(np.floor(40.0 * ANGLE), 256)
     write_table({"time_s": T, "left_ticks": counts, "right_ticks": counts}, tmp_path / "drive.csv")

@@ -49,7 +49,7 @@ _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute"
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
-_BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 3, 3, 4, 5, 99
+_BARE_LETTER, _NUMBERED, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 2, 3, 3, 4, 5, 99
 _TEMPERATURES = word_set("temp temps tmp temperature")
 #: A temperature, if another column is the time.
 _TEMPERATURE = "T"
@@ -310,10 +310,12 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
         if frozenset(naming) in channel.words or (not naming and unit is not None and channel in _BY_UNIT):
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
+            numbered = bare_letter and re.search(r"\d", stem) is not None  # U1 beside U_pack is that of a cell
             auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
             # a wall clock may be set while the log runs
             wall_clock = channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK)
-            return rank + _BARE_LETTER * bare_letter + _WALL_CLOCK_TIME * wall_clock + _OF_AUXILIARY * auxiliary
+            worse = _BARE_LETTER * bare_letter + _NUMBERED * numbered
+            return rank + worse + _WALL_CLOCK_TIME * wall_clock + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
     return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER

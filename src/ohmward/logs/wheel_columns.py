@@ -273,6 +273,8 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
 
 #: Counts since the last row are recognised from this many rows, turns and counts on, if this share of steps reverses.
 _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
+#: Counts that never leave zero by more than this share of a turn are doubtful.
+_HARDLY = 0.25
 #: Smallest interval between rows as a share of the usual one; below 1, so that times of a drifting clock are kept.
 _USUAL_SHARE = 0.98
 #: Number of consecutive rows that show the usual interval even if they arrived in bursts.
@@ -316,7 +318,22 @@ def wheel_speed(
         speed_rad_s, _ = speed_from_counts(np.nancumsum(values), time_s, mechanics.counts_per_turn)
         return speed_rad_s / gear_ratio, (Note(text, "warning"),)
     speed_rad_s, rolled = speed_from_counts(values, time_s, mechanics.counts_per_turn)
-    return speed_rad_s / gear_ratio, (Note(f"{name!r}: {rolled}"),) if rolled else ()
+    notes: tuple[Note, ...] = (Note(f"{name!r}: {rolled}"),) if rolled else ()
+    if _hardly_turn(values, mechanics.counts_per_turn):
+        text = f"{name!r} stays within {np.nanmax(np.abs(values)) / mechanics.counts_per_turn:.2g} turns of zero"
+        notes += (Note(f"{text}: if these are counts since the previous row, add them up in the file", "warning"),)
+    return speed_rad_s / gear_ratio, notes
+
+
+def _hardly_turn(counts: np.ndarray, counts_per_turn: float) -> bool:
+    """True for counts (T,) that return to zero, and would be a drive only as those since the row before."""
+    size = np.abs(counts[np.isfinite(counts)])
+    return bool(
+        size.size >= _FEWEST_ROWS
+        and size.min() == 0.0
+        and _FEWEST_COUNTS <= size.max() < _HARDLY * counts_per_turn
+        and size.sum() >= _FEWEST_TURNS * counts_per_turn
+    )
 
 
 def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
