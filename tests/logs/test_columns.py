@@ -88,6 +88,7 @@ def test_overrides_win():
         ("time left_current right_current voltage", {}, r"both 'left_current' and 'right_current'.*--column current="),
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
+        ("time current input_mV output_mV", {}, r"both 'input_mV' and 'output_mV' may be the voltage"),
         ("time curLeft voltage", {}, r"choose with --column current=curLeft"),
         ("time Curr(A) RxBt(V)", {}, r"choose with --column 'voltage=RxBt\(V\)'"),
         (
@@ -118,6 +119,14 @@ def test_refusals_name_the_columns_and_the_fix(names, overrides, message):
 def test_units_convert(symbol, value, si):
     unit = next(unit for unit in UNITS.values() if unit.symbol == symbol)
     assert value * unit.scale + unit.offset == pytest.approx(si, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("Amps*100", 0.01), ("current_x10", 0.1), ("I [mA] x 10", 1e-4), ("I (10mA)", 0.01)]
+)
+def test_a_factor_in_a_name_is_that_of_its_numbers(name, scale):
+    unit = find_columns("f.csv", ["time_s", "voltage_V", name])["current"].unit
+    assert unit is not None and unit.scale == pytest.approx(scale, rel=1e-12)
 
 
 def test_every_notation_of_a_unit_reads_alike():

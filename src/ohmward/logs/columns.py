@@ -27,7 +27,7 @@ from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name,
 # Words that make a column something other than a measurement of the battery.
 _OTHER_WORDS = word_set(
     "true truth std sigma var limit max min set setpoint target reference error residual predicted estimated estimate "
-    "model step open circuit ocv delta offset bias nanosec nsecs nsec"
+    "model step open circuit ocv delta offset bias nanosec nsecs nsec low high lowest highest"
 )
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = (
@@ -42,9 +42,11 @@ _WALL_CLOCK = (
     "changed",
     "stempel",
     "horodatage",
+    "绝对时间",
+    "日期",
 )
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
+_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute 总时间 测试时间 累计时间 绝对时间")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -219,6 +221,8 @@ def named_column(source: str, names: Sequence[str], quantity: str, wanted: str, 
         )
     dimensions = channel_of(quantity).dimensions
     unit = unit_in_name(exact[0], dimensions)
+    if found := _MULTIPLIED.match(exact[0]):
+        return _divided(Column(exact[0], unit_in_name(found["stem"], dimensions)), channel_of(quantity), found)
     stated = unit or unit_in_brackets(exact[0])
     if stated and stated.dimension not in dimensions and not unit_is_given:
         raise InputError(
@@ -271,7 +275,7 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
         fractions = [fraction.name for column in fits if (fraction := fraction_column(names, column.name))]
         fits = [column for column in fits if column.name not in fractions]
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
-    if channel is CURRENT and not has_input_voltage(names):
+    if channel in (CURRENT, VOLTAGE) and not has_input_voltage(names):
         fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
 
@@ -282,18 +286,35 @@ def has_input_voltage(names: Sequence[str]) -> bool:
 
 
 def _is_way_back(name: str, other: str) -> bool:
-    """True for a current out next to one in, neither alone the battery's; a converter has a voltage in, too."""
+    """True for a current or voltage out beside one in, neither alone the battery's; a converter has both of them in."""
     words, beside = set(letters(name)), set(letters(other))
     return bool(words & IN and beside & OUT) and words - IN == beside - OUT
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
     """Ranks of the ways to read a name as this channel."""
+    if found := _MULTIPLIED.match(name):
+        yield from (
+            (rank, _divided(one._replace(name=name), channel, found)) for rank, one in _ranks(channel, found["stem"])
+        )
+        return
     for stem, unit in split_unit(name):
         if unit is None or unit.dimension in channel.dimensions:
             yield _rank(channel, stem, unit), Column(name, unit)
     if channel is TIME and (bare := without_notation(name)) != name:
         yield _rank(channel, bare, None) + _NOTATED, Column(name, None)
+
+
+#: A name that says by what the numbers were multiplied: `Amps*100`, `current_x10`.
+_MULTIPLIED = re.compile(r"^(?P<stem>.+?)(?:[\s_(\[]+[xX×]|\s*[*×])\s*(?P<factor>10+)\s*[)\]]?$")
+
+
+def _divided(column: Column, channel: Channel, found: re.Match[str]) -> Column:
+    """The column with its unit, or the channel's, divided by the factor in its name."""
+    unit = column.unit or channel.default
+    return column._replace(
+        unit=Unit(f"{unit.symbol} / {found['factor']}", unit.dimension, unit.scale / int(found["factor"]))
+    )
 
 
 def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:

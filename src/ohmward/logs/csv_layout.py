@@ -328,7 +328,10 @@ def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
     """The way of dividing the lines that makes most of them rows of values."""
     if sum(_ARROW in line for line in lines) > _MOSTLY * len(lines):
         return _heaviest([_split_by(lines, one, partial(_at_arrow, delimiter=one)) for one in mark or _DELIMITERS])
-    marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in mark or _DELIMITERS])
+    # a tab behind a comma, as Arbin writes it before dates, keeps Excel from changing the cell
+    tabs_are_cells = sum(",\t" in line for line in lines) > _MOSTLY * len(lines)
+    delimiters = mark or (_DELIMITERS.replace("\t", "") if tabs_are_cells else _DELIMITERS)
+    marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in delimiters])
     if mark or (marked is not None and marked.block.length >= _MOSTLY * len(lines)):
         return marked
     spaced = _heaviest([_split_by(lines, "\t", _at_spaces), _fixed_width(lines)])

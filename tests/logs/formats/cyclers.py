@@ -142,6 +142,12 @@ LANDT_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
 CYCLERS = (
     f("Arbin", lines(ARBIN, arbin(lambda at: at.strftime("%m/%d/%Y %H:%M:%S")))),
     f("Arbin, dates as serial numbers", lines(ARBIN, arbin(serial))),
+    f("Arbin, tabs before dates", lines(ARBIN, arbin(lambda at: at.strftime("\t%m/%d/%Y %H:%M:%S.%f")))),
+    f("Neware, Chinese names", lines(
+        ("数据序号", "工步号", "工步类型", "时间", "总时间", "电流(A)", "电压(V)", "绝对时间"),
+        rows_of(LOG, lambda t, i, u, c, at: (
+            int(t) + 1, STEP[int(t)], "恒流充电" if i > 0 else "恒流放电" if i < 0 else "静置",
+            hms(STEP_S[int(t)]), hms(t), i, u, at.strftime("%Y-%m-%d %H:%M:%S")))), encoding="gb18030", warm=False),
     f("Maccor", MACCOR_TEXT + lines(MACCOR, MACCOR_ROWS, "\t"), "log.txt"),
     f("Maccor, mA", MACCOR_TEXT + lines(
         [{"Amps": "mAmps"}.get(name, name) for name in MACCOR],

@@ -250,6 +250,12 @@ TELEMETRY = (
     f("a column for each direction", lines(("t [s]", "U [V]", "I_chg [A]", "I_dsg [A]"), rows_of(
         LOG, lambda t, i, u, c, at: (t, u, max(i, 0), max(-i, 0)))), warm=False),
     f("JK BMS", lines(JK, JK_ROWS), dated=True),
+    f("JK BMS, Chinese names", lines(("时间", "总电压(V)", "电流(A)", "剩余电量(%)", "MOS温度(℃)", "电池温度1(℃)"),
+        rows_of(LOG, lambda t, i, u, c, at: (at.strftime("%Y-%m-%d %H:%M:%S"), u, i, 80, c + 5, c))), dated=True),
+    f("Orion BMS", lines(("Time(s)", "Pack Current", "Pack Inst. Voltage", "Low Cell Voltage"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, -i, u, 3.2))), warm=False),
+    f("Eagle Tree, multiplied numbers", lines(("Milliseconds", "PackVolt*100", "Amps*100", "Temp*10"), rows_of(
+        LOG, lambda t, i, u, c, at: (round(1000 * t), round(100 * u, 1), round(100 * i), round(10 * c))))),
     f("Daly BMS", lines(DALY, DALY_ROWS), dated=True),
     f("Xiaoxiang (JBD) BMS", lines(XIAOXIANG, XIAOXIANG_ROWS, ";"), dated=True),
     f("VictronConnect", lines(VICTRON, VICTRON_ROWS), dated=True),
