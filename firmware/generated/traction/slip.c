@@ -77,8 +77,9 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     /* SlipController.direction */
     const float direction2 = t5 ? ((0.0f <= faster) ? 1.0f : (-1.0f)) : commanded;
     state->direction = direction2;
-    /* is_slip_ratio (traction/control/slip_controller.py): True where the command is a slip ratio */
-    const bool valid = fabsf(command_slip_ratio) < 1.0f;
+    /* is_slip (traction/control/slip_controller.py): True where the command is a slip ratio with a finite
+       direction */
+    const bool valid = (fabsf(command_slip_ratio) < 1.0f) && (fabsf(command_direction) < INFINITY);
     /* SlipController.target (traction/control/slip_controller.py): Slip ratio to hold in this step, on a ramp
        towards the command, and its rate [1/s] */
     const float commanded2 = valid ? command_slip_ratio : 0.0f;

@@ -166,6 +166,13 @@ def test_a_command_that_is_no_slip_is_said_and_gives_no_torque(slip):
     assert {torque for _, torque, _ in steps} == {0.0}
 
 
+@pytest.mark.parametrize("direction", [math.nan, math.inf, -math.inf])
+def test_a_command_without_a_direction_is_reported_and_gives_no_torque(direction):
+    steps = drive(controller(), hold(0.1, direction), DRY, 0.1)
+    assert all(flagged(steps, ControlFlag.BAD_COMMAND))
+    assert {torque for _, torque, _ in steps} == {0.0}
+
+
 def test_wheels_are_independent():
     control = controller()
     state = control.init(Measurement(np.zeros(2), np.zeros(2)))

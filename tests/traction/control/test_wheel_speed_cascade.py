@@ -49,6 +49,16 @@ def test_what_cannot_be_used_asks_for_standstill():
         assert int(report.flags) & flag
 
 
+@pytest.mark.parametrize("dt_s", [math.nan, -0.5, 1e9])
+def test_an_impossible_time_step_changes_neither_reference_nor_torque(dt_s):
+    state = CASCADE.init(Measurement(5.0, 0.6))
+    _, reference, _ = CASCADE.step(state, SlipCommand(0.12), Measurement(5.0, 0.6), dt_s)
+    assert reference == 5.0
+    drive = WheelSpeedDrive(LIMITS)
+    motor, _ = drive.step(drive.init(0.0), 5.0, 4.0, 1e-3)
+    assert drive.step(motor, 9.0, 4.0, dt_s)[0] == motor
+
+
 def test_the_drive_does_not_wind_up():
     drive = WheelSpeedDrive(Limits(2.0))
     state = drive.init(0.0)

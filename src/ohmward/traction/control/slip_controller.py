@@ -70,7 +70,7 @@ class SlipController:
         motion = self.motion(estimate, direction, target, rate_per_s, dt_s, state.torque_Nm)
         known = estimate.known > 0.5
         stopped = self.stopped(command, estimate)
-        valid = is_slip_ratio(command)
+        valid = is_slip(command)
         acting = known & logical_not(stopped) & valid
 
         fresh = self.law.init(0.0 * state.torque_Nm)
@@ -110,7 +110,7 @@ class SlipController:
 
     def target(self, state: SlipState, command: SlipCommand, dt_s: Any) -> tuple[Any, Any]:
         """Slip ratio to hold in this step, on a ramp towards the command, and its rate [1/s]."""
-        commanded = where(is_slip_ratio(command), command.slip_ratio, 0.0)
+        commanded = where(is_slip(command), command.slip_ratio, 0.0)
         rate = (commanded - state.slip_target) / maximum(dt_s, SHORTEST_CONTROL_STEP_S)
         rate = clip(rate, -self.target_rate_per_s, self.target_rate_per_s)
         return state.slip_target + rate * dt_s, rate
@@ -133,6 +133,6 @@ class SlipController:
         )
 
 
-def is_slip_ratio(command: SlipCommand) -> Any:
-    """True where the command is a slip ratio."""
-    return abs(command.slip_ratio) < 1.0
+def is_slip(command: SlipCommand) -> Any:
+    """True where the command is a slip ratio with a finite direction."""
+    return (abs(command.slip_ratio) < 1.0) & (abs(command.direction) < float("inf"))

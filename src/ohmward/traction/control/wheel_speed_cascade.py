@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate
+from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
-from ohmward.traction.control.slip_controller import is_slip_ratio
+from ohmward.traction.control.slip_controller import is_slip
 from ohmward.traction.control.slip_law import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
@@ -53,11 +53,12 @@ class WheelSpeedCascade:
         self, state: CascadeState, command: SlipCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[CascadeState, Any, Report]:
         """State after the step, wheel speed [rad/s] to command, and a report without force and torque."""
+        dt_s = plausible_step_s(dt_s)
         r = self.wheel.radius_m
         estimate = self.force_filter.update(state.estimate, 0.0, measurement, self.wheel, dt_s)
         rim, v = r * estimate.wheel_speed_rad_s, estimate.travel_speed_m_s
         known = estimate.known > 0.5
-        valid = is_slip_ratio(command)
+        valid = is_slip(command)
         stopped = (command.slip_ratio < 0) & (maximum(abs(rim), abs(v)) < self.stop_m_s)
         acting = known & valid & logical_not(stopped)
 
@@ -117,6 +118,7 @@ class WheelSpeedDrive:
         self, state: DriveState, reference_rad_s: Any, wheel_speed_rad_s: Any, dt_s: Any
     ) -> tuple[DriveState, Any]:
         """The state after the step and the torque [N m] to hold for the next `dt_s`."""
+        dt_s = plausible_step_s(dt_s)
         error = reference_rad_s - wheel_speed_rad_s
         demanded = self.proportional_Nm_s * error + state.integral_Nm
         torque = self.limits.apply(demanded, state.torque_Nm, dt_s)
