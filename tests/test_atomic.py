@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from ohmward.atomic import replacing, write_text
+from ohmward.atomic import back_up, replacing, write_text
 from ohmward.errors import OhmwardError
 
 WRITER = """
@@ -51,6 +51,26 @@ def test_a_writer_that_lives_is_not_disturbed(tmp_path, writer):
     (held,) = parts(tmp_path)
     write_text(tmp_path / "a.csv", "whole")
     assert parts(tmp_path) == [held] and held.read_text() == "half"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes or links of this kind")
+def test_a_link_and_the_mode_of_its_file_stay(tmp_path):
+    file, link = tmp_path / "there" / "a.toml", tmp_path / "a.toml"
+    file.parent.mkdir()
+    file.write_text("before")
+    file.chmod(0o600)
+    link.symlink_to(file)
+    write_text(link, "after")
+    assert link.is_symlink() and file.read_text() == "after"
+    assert file.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes of this kind")
+def test_a_backup_has_the_mode_of_its_file(tmp_path):
+    (tmp_path / "a.toml").write_text("secret")
+    (tmp_path / "a.toml").chmod(0o600)
+    backup = back_up(tmp_path / "a.toml")
+    assert backup is not None and backup.stat().st_mode & 0o777 == 0o600
 
 
 def test_an_error_leaves_the_file_as_it_was(tmp_path):

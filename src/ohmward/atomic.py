@@ -5,11 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
-from typing import IO
+from typing import IO, TextIO
 
 from ohmward.errors import OhmwardError
 
@@ -23,17 +24,22 @@ except ImportError:  # Windows: files left behind by a killed process stay
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary file beside `path` to write to; synced and renamed to `path` on success, removed on an error.
 
+    An existing file keeps its mode, and a link the file that it points at.
     A temporary file left behind by a killed process is removed at the next write of `path`.
 
     Raises:
         OhmwardError: the operating system refused (disk full, no permission, no such folder); `path` is unchanged.
     """
+    path = Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         with _locked(temporary):
             _remove_abandoned(path)
             yield temporary
             _sync(temporary)
+            if path.exists():
+                with suppress(OSError):  # a file system without modes
+                    shutil.copymode(path, temporary)
             temporary.replace(path)
         _sync(path.parent)
     except OSError as error:
@@ -58,6 +64,8 @@ def back_up(path: Path) -> Path | None:
     text = path.read_bytes()
     with replacing(backup) as temporary:
         temporary.write_bytes(text)
+    with suppress(OSError):  # a file system without modes
+        shutil.copymode(path, backup)
     return backup
 
 
@@ -69,6 +77,24 @@ def write_text(path: Path, text: str | Iterable[str]) -> None:
     """
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines([text] if isinstance(text, str) else text)
+
+
+def open_to_append(path: Path) -> TextIO:
+    """A file of lines, opened to append to; an unfinished last line is terminated.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    file = path.open("a", encoding="utf-8")
+    if path.is_file() and path.stat().st_size and _last_byte(path) != b"\n":
+        file.write("\n")
+    return file
+
+
+def _last_byte(path: Path) -> bytes:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read()
 
 
 @contextmanager

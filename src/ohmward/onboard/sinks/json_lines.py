@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+from ohmward.atomic import open_to_append
 from ohmward.checks import require_between
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -32,23 +32,18 @@ class JsonLinesSink:
         try:
             with nullcontext(sys.stdout) if self.path == "-" else self._opened() as file:
                 while states := await feed.batch():
-                    file.writelines(json.dumps(plain_state(state), allow_nan=False) + "\n" for state in states)
-                    file.flush()
+                    try:
+                        file.writelines(json.dumps(plain_state(state), allow_nan=False) + "\n" for state in states)
+                        file.flush()
+                    except OSError:
+                        feed.put_back(states)  # those that were written are written twice
+                        raise
         except OSError as error:  # of a write, or of the close that writes what is left
             fix = "check the path, and that the disk is not full"
             raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); {fix}") from error
 
     def _opened(self) -> TextIO:
-        """The file, in a folder that is created if missing; an unfinished last line is terminated."""
+        """The file, in a folder that is created if missing."""
         path = Path(self.path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.open("a", encoding="utf-8")
-        if path.is_file() and path.stat().st_size and _last_byte(path) != b"\n":
-            file.write("\n")
-        return file
-
-
-def _last_byte(path: Path) -> bytes:
-    with path.open("rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read()
+        return open_to_append(path)
