@@ -3,7 +3,7 @@
 import csv
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +13,9 @@ from fleet import examples
 from fleet.examples import SIGNED, write_fleet
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet import Job, in_processes, run_fleet
+from ohmward.fleet.run import file_name, read_rows, write_rows
 from ohmward.logs import read_log
+from ohmward.logs.read import open_table
 
 
 class PowerCutError(Exception):
@@ -26,6 +28,16 @@ class Deadly(Job):
 
     def run(self, paths):
         os._exit(1)
+
+
+@dataclass(frozen=True)
+class Faulty(Job):
+    """Has an error that no one expects in one log."""
+
+    def run(self, paths):
+        if any("robot1" in path for path in paths):
+            raise KeyError("robot1")
+        return super().run(paths)
 
 
 @pytest.fixture
@@ -95,11 +107,56 @@ def test_estimates_can_be_read_as_logs_are(fleet, tmp_path):
     paths, job = fleet
     job = Job(job.battery, job.filter, reading=SIGNED, estimates=str(tmp_path / "out" / "estimates"))
     finished = run_fleet(paths[:1], job, tmp_path / "out")
-    from ohmward.logs.read import open_table
-
-    table = open_table(tmp_path / "out" / "estimates" / "robot0.estimates.parquet").load(["soc", "soc_std"])
+    table = open_table(finished.rows[0]["estimates"]).load(["soc", "soc_std"])
     assert table.columns["soc"][-1] == finished.rows[0]["soc_final"]
     assert len(read_log(paths[0], current_sign="charge")) == table.columns["soc"].size
+
+
+def test_logs_of_one_name_in_two_folders_have_estimates_of_their_own(fleet, tmp_path):
+    paths, job = fleet
+    for folder, path in zip("ab", paths, strict=False):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "day.csv").write_bytes(Path(path).read_bytes())
+    job = replace(job, estimates=str(tmp_path / "out" / "estimates"))
+    rows = run_fleet([str(tmp_path / folder / "day.csv") for folder in "ab"], job, tmp_path / "out").rows
+    written = [open_table(row["estimates"]).load(["soc"]).columns["soc"] for row in rows]
+    assert [soc.size for soc in written] == [200, 250]
+
+
+def test_a_log_that_has_changed_is_estimated_again(fleet, tmp_path):
+    paths, job = fleet
+    before = run_fleet(paths[:2], job, tmp_path / "out")
+    Path(paths[0]).write_bytes(Path(paths[2]).read_bytes())
+    after = run_fleet(paths[:2], job, tmp_path / "out")
+    assert (before.resumed, after.resumed) == (0, 1)
+    assert [row["samples"] for row in after.rows] == [300, 250]
+
+
+def test_another_version_does_not_mix_its_results_in(fleet, tmp_path, monkeypatch):
+    paths, job = fleet
+    run_fleet(paths[:1], job, tmp_path / "out")
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "999")
+    with pytest.raises(InputError, match="or version of ohmward"):
+        run_fleet(paths[:1], job, tmp_path / "out")
+
+
+def test_a_row_after_one_that_was_cut_off_is_read_again(tmp_path):
+    write_rows(tmp_path / "rows", [{"path": "1"}])
+    with (tmp_path / "rows").open("a") as stream:
+        stream.write('{"path": "2", "err')
+    write_rows(tmp_path / "rows", [{"path": "3"}])
+    assert read_rows(tmp_path / "rows") == [{"path": "1"}, {"path": "3"}]
+
+
+def test_one_log_with_an_unexpected_error_does_not_end_the_run(fleet, tmp_path):
+    paths, job = fleet
+    rows = run_fleet(paths[:3], Faulty(**vars(job)), tmp_path / "out").rows
+    assert [row["error"] for row in rows] == [None, f"{paths[1]}: KeyError: 'robot1'", None]
+
+
+def test_names_that_differ_have_files_that_differ():
+    names = ["a b", "a_b", "a/b", "a%20b", "Wägen-1.2", "x:y"]
+    assert [file_name(name) for name in names] == ["a%20b", "a_b", "a%2Fb", "a%2520b", "Wägen-1.2", "x%3Ay"]
 
 
 def test_what_cannot_begin_is_refused(fleet, tmp_path):

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.run import in_processes, run_fleet
 from ohmward_lab.assess import LARGEST_RMSE, battery, traction
 from ohmward_lab.assess.recommendation import (
@@ -150,10 +150,12 @@ def assess(
 
     Raises:
         InputError: a word of `only` names nothing, or the folder holds another study.
-        OhmwardError: the folder cannot be written.
+        OhmwardError: the folder cannot be written, or an item failed.
     """
     wanted = study.items(only)
     work = partial(in_processes, processes=processes)
     finished = run_fleet(wanted, Assessment(study.name, runs, seed), folder, work, progress, batch=len(study.methods))
+    if finished.failed:
+        raise OhmwardError(finished.failed[0]["error"])
     rows = {row["path"]: row for row in finished.rows}
     return [study.figures(**{name: rows[item][name] for name in study.figures._fields}) for item in wanted]

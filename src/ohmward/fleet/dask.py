@@ -8,7 +8,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.fleet.job import Job, failed
+from ohmward.fleet.job import Job
+from ohmward.fleet.run import failed, rows_of
 from ohmward.optional import require
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def _error(client: Client, future: Future, address: str) -> BaseException | None
 
 def _submit(client: Client, job: Job, batch: list[str]) -> Future:
     """Submit a batch; pure=False, because a file may have changed since Dask saw its path."""
-    return client.submit(job.run, batch, pure=False)
+    return client.submit(rows_of, job, batch, pure=False)
 
 
 def _connect(distributed: Any, address: str, timeout_s: float) -> Client:

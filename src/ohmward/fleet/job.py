@@ -6,6 +6,7 @@ end of the previous one; the pause between them makes the charge less certain.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -28,7 +29,7 @@ from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.fleet.reading import read_log_of
-from ohmward.fleet.run import digest_of
+from ohmward.fleet.run import digest_of, failed, file_name, fingerprint
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import split_selection
@@ -63,14 +64,8 @@ class Job:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
         for (path, log), found in zip(logs.items(), estimates, strict=True):
-            _write(self.estimates, Path(path).stem, log, found)
-            rows[path] = _row(path, log, battery, estimator, found)
+            rows[path] = _row(path, log, battery, estimator, found) | _written(self.estimates, path, log, found)
         return [rows[path] for path in paths]
-
-
-def failed(path: str, reason: str) -> dict[str, Any]:
-    """Row of a log that could not be used."""
-    return {"path": path, "error": reason}
 
 
 def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: SocEstimate) -> dict[str, Any]:
@@ -85,10 +80,17 @@ def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: Soc
     return {"path": text, **fit, **{name: None if value != value else value for name, value in figures.items()}}
 
 
-def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
-    if folder:
-        table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
-        write_table(table, Path(folder) / f"{name}.estimates.parquet")
+def _written(folder: str | None, text: str, log: Log, found: SocEstimate) -> dict[str, Any]:
+    """Write the estimates of a log; the path of their file, for its row."""
+    if not folder:
+        return {}
+    path, where = split_selection(text)
+    name = file_name("-".join([path.stem, *where.values()]))
+    unique = hashlib.sha256(text.encode()).hexdigest()[:8]  # logs of two folders, or of two columns, may share the name
+    file = Path(folder) / f"{name}-{unique}.estimates.parquet"
+    table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
+    write_table(table, file)
+    return {"estimates": str(file)}
 
 
 #: Assumed pause between two logs without a wall clock [s]: so long that no charge is counted over it.
@@ -126,7 +128,7 @@ class RobotJob:
     @property
     def items(self) -> list[str]:
         """An item for each robot, which changes when its logs do."""
-        return [f"{robot} {_fingerprint(logs)}" for robot, logs in sorted(self.robots.items())]
+        return [f"{robot} {fingerprint(logs)}" for robot, logs in sorted(self.robots.items())]
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of robots, in the order of the items; if none of a robot's logs can be used, its row has an `error`."""
@@ -144,12 +146,12 @@ class RobotJob:
             # the clock of the robot, on which the estimator counts the pause since the log before
             on_clock = replace(log, time_s=log.time_s - log.time_s[0] + start_s)
             found = estimator.run(on_clock).estimates
-            _write(job.estimates, _file_name(Path(text).stem), log, found)
             last_stds = {std: float(getattr(found, std)[-1]) for std in STD_OF.values()}
             stds = {std: value if math.isfinite(value) else None for std, value in last_stds.items()}
             warnings = [note.text for note in log.notes if note.level == "warning"]
             rows[text] = {"begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
             rows[text] |= stds | {"throughput_Ah": log.throughput_Ah(), "warnings": warnings}
+            rows[text] |= _written(job.estimates, text, log, found)
             capacities.append((start_s + log.duration_s, float(found.soh_capacity[-1]), last_stds["soh_capacity_std"]))
         change = _given_all_logs([rows[one.text] for one in logs], capacities, battery)
         of_robot = {"robot": robot or None}
@@ -188,7 +190,7 @@ class RobotJob:
         """Write the battery file that the estimator has learnt for the robot; None for one that learns nothing."""
         if self.batteries is None:
             return {"battery": None}
-        path = Path(self.batteries) / f"{_file_name(robot)}.toml"
+        path = Path(self.batteries) / f"{file_name(robot)}.toml"
         try:
             save_battery(replace(learnt_on_board(battery, estimator), name=robot), path)
         except InputError:
@@ -229,17 +231,3 @@ def _date(log: Log) -> str | None:
     """The time of the first sample in ISO 8601, UTC."""
     begin_s = log.begin_unix_s
     return None if begin_s is None else datetime.fromtimestamp(begin_s, UTC).isoformat(timespec="seconds")
-
-
-def _fingerprint(texts: Sequence[str]) -> str:
-    """Digest of logs, which changes when a file does."""
-    stats = []
-    for text in texts:
-        path = split_selection(text)[0]
-        stat = path.stat() if path.exists() else None
-        stats.append((text, stat and stat.st_size, stat and stat.st_mtime_ns))
-    return digest_of(stats)[:12]
-
-
-def _file_name(robot: str) -> str:
-    return "".join(c if c.isalnum() or c in "._-" else "_" for c in robot)

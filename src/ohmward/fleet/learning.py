@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_log_of
-from ohmward.fleet.run import digest_of, read_rows, write_rows
+from ohmward.fleet.run import digest_of, file_name, fingerprint, read_rows, write_rows
 from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
@@ -33,7 +32,8 @@ class LearningJob(NamedTuple):
     @property
     def digest(self) -> str:
         """Digest of the job, different for every job with other results."""
-        return digest_of([list(self.texts), BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
+        logs = [list(self.texts), fingerprint(self.texts)]
+        return digest_of([*logs, BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
 
 
 def learn_all(
@@ -179,7 +179,7 @@ class BatteryFiles:
         assert self.output is not None
         if not serial_number:
             raise InputError("the log has no serial number, by which the file in the folder could be chosen")
-        return str(self.output / f"{re.sub(r'[^A-Za-z0-9._-]', '_', serial_number)}.toml")
+        return str(self.output / f"{file_name(serial_number)}.toml")
 
     def _load(self, key: str, serial_number: str) -> None:
         """Load the battery of a file, once; in a folder an existing file is continued."""

@@ -1,33 +1,39 @@
 """Run of a fleet: its logs in batches, on this machine or a cluster; resumable.
 
 Every finished batch is appended to `progress.jsonl` in the output folder before the next is counted, so a run that was
-interrupted goes on where it stopped; logs that failed are tried again. At the end `summary.csv` has one row for each
-log, sorted by path, and `summary.parquet` the same where pyarrow is installed.
+interrupted goes on where it stopped; logs that failed or have changed are tried again. At the end `summary.csv` has one
+row for each log, sorted by path, and `summary.parquet` the same where pyarrow is installed.
 """
 
 from __future__ import annotations
 
 import csv
 import hashlib
+import importlib.metadata
 import json
+import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
+from urllib.parse import quote
 
-from ohmward.atomic import replacing
+from ohmward.atomic import open_to_append, replacing
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.frame import import_arrow
+from ohmward.logs.selection import split_selection
 from ohmward.optional import require
 
 PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
+#: Fingerprint of the log, in the rows of `PROGRESS`.
+_FILE = "file"
 
 #: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
 LOGS_AT_ONCE = 32
@@ -52,8 +58,26 @@ class FleetJob(Protocol):
 
 
 def digest_of(settings: Any) -> str:
-    """Digest of the settings of a job, written as JSON."""
-    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
+    """Digest of the settings of a job and of the version of ohmward, written as JSON."""
+    text = json.dumps([importlib.metadata.version("ohmward"), settings])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def fingerprint(texts: Sequence[str]) -> str:
+    """Digest of logs, which changes when a file does."""
+    stats: list[tuple[str, int | None, int | None]] = []
+    for text in texts:
+        try:
+            stat = split_selection(text)[0].stat()
+            stats.append((text, stat.st_size, stat.st_mtime_ns))
+        except (OSError, ValueError):
+            stats.append((text, None, None))
+    return digest_of(stats)[:12]
+
+
+def file_name(name: str) -> str:
+    """Name as part of a file name, unique: all but letters, digits, `.`, `_` and `-` are percent-encoded."""
+    return "".join(c if c.isalnum() or c in "._-" else quote(c, safe="") for c in name)
 
 
 #: Rows of each batch of items, as they are finished, in any order.
@@ -82,7 +106,7 @@ def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1
     """
     require_positive("processes", processes)
     if min(processes, len(batches)) <= 1:
-        yield from map(job.run, batches)
+        yield from (rows_of(job, batch) for batch in batches)
         return
     try:
         yield from _side_by_side(job, batches, processes)
@@ -91,6 +115,28 @@ def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1
             "a process was killed, perhaps for want of memory; start again with fewer (--processes, processes=): "
             "finished logs stay"
         ) from error
+
+
+def failed(path: str, reason: str) -> dict[str, Any]:
+    """Row of a log that could not be used."""
+    return {"path": path, "error": reason}
+
+
+def rows_of(job: FleetJob, batch: list[str]) -> list[dict[str, Any]]:
+    """Rows of a batch; if it ends in an unexpected error it is run log by log, and those that fail alone are reported.
+
+    Raises:
+        OhmwardError: of the job itself.
+    """
+    try:
+        return job.run(batch)
+    except OhmwardError:
+        raise
+    except Exception as error:  # one log must not end the run of all others
+        if len(batch) > 1:
+            return [row for path in batch for row in rows_of(job, [path])]
+        logging.getLogger("ohmward").exception("%s failed", batch[0])
+        return [failed(batch[0], f"{batch[0]}: {type(error).__name__}: {error}")]
 
 
 def _one_thread() -> None:
@@ -103,11 +149,11 @@ def _side_by_side(job: FleetJob, batches: Sequence[list[str]], processes: int) -
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
         try:
             with _interrupts_held():
-                under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(waiting, 2 * processes)}
+                under_way: set[Future] = {pool.submit(rows_of, job, batch) for batch in islice(waiting, 2 * processes)}
             while under_way:
                 finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
                 with _interrupts_held():
-                    under_way |= {pool.submit(job.run, batch) for batch in islice(waiting, len(finished))}
+                    under_way |= {pool.submit(rows_of, job, batch) for batch in islice(waiting, len(finished))}
                 yield from (future.result() for future in finished)
         except (KeyboardInterrupt, GeneratorExit):
             pool.shutdown(wait=False, cancel_futures=True)
@@ -150,12 +196,13 @@ def run_fleet(
     require_positive("batch", batch)
     if not paths:
         raise InputError("there are no logs to estimate; check the pattern")
-    done = _begin(folder, job)
     wanted = sorted(dict.fromkeys(paths))
+    files = {path: fingerprint([path]) for path in wanted}
+    done = _begin(folder, job, files)
     left = [path for path in wanted if path not in done]
     resumed = len(wanted) - len(left)
     for rows in work(job, [left[i : i + batch] for i in range(0, len(left), batch)]):
-        write_rows(folder / PROGRESS, rows)
+        write_rows(folder / PROGRESS, [row | {_FILE: files[row["path"]]} for row in rows])
         done |= {row["path"]: row for row in rows}
         if progress:
             progress(len(done.keys() & set(wanted)), len(wanted))
@@ -164,8 +211,11 @@ def run_fleet(
     return Finished(rows, resumed, folder / SUMMARY)
 
 
-def _begin(folder: Path, job: FleetJob) -> dict[str, dict[str, Any]]:
-    """Rows that an earlier run of the same job has left, by path; those of logs that failed are left out."""
+def _begin(folder: Path, job: FleetJob, files: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Rows that an earlier run of the same job has left, by path; those of logs that failed or changed are left out.
+
+    files: fingerprint of each log as it is now.
+    """
     progress = folder / PROGRESS
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -180,10 +230,11 @@ def _begin(folder: Path, job: FleetJob) -> dict[str, dict[str, Any]]:
     head, *rows = lines
     if head.get("job") != job.digest:
         raise InputError(
-            f"{folder} holds results of another battery file, filter or settings; choose another folder or remove "
-            f"{progress}"
+            f"{folder} holds results of another battery file, filter, settings or version of ohmward; choose another "
+            f"folder or remove {progress}"
         )
-    return {row["path"]: row for row in rows if not row["error"]}
+    valid = [row for row in rows if row.pop(_FILE, None) == files.get(row["path"])]
+    return {row["path"]: row for row in valid if not row["error"]}
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -196,10 +247,12 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def write_rows(path: Path, rows: Sequence[dict[str, Any]], mode: str = "a") -> None:
-    """Write objects, one a line; mode: `a` appends them, `w` begins the file."""
+    """Write objects, one a line, to the disk; mode: `a` appends them, `w` begins the file."""
     try:
-        with path.open(mode, encoding="utf-8") as stream:
+        with open_to_append(path) if mode == "a" else path.open(mode, encoding="utf-8") as stream:
             stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
+            stream.flush()
+            os.fsync(stream.fileno())
     except OSError as error:
         raise OhmwardError(f"{path}: cannot be written ({error.strerror}); free space, then start again") from error
 
