@@ -200,6 +200,8 @@ _TABLE = (
              ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
     Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", _NOT_NEGATIVE,
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
+    Quantity("home_distance_m", "length of the way home, for the probability of reaching it", "body", "m",
+             ValueLimits(0.0, 1e6), estimated_from=False, signal_words=words_of("home distance", "distance home")),
     Quantity("pose_reset", "1 when the pose is to restart at its origin", "body", "1", ValueLimits(0.0, 1.0),
              estimated_from=False),
     #: From a microcontroller with its own estimator: passed on with the states, and not used.

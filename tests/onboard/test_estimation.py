@@ -217,6 +217,39 @@ def test_another_battery_begins_with_its_first_voltage(battery):
 
 
 def test_the_pose_begins_again_at_its_origin_when_asked_for():
+def test_another_battery_begins_with_the_capacity_of_the_label(battery):
+    """Not with that of the battery before, which had been learnt."""
+    known = replace(battery, noise=replace(battery.noise, capacity_std=0.01))
+    estimation, alone = Estimation(known, label=battery), SocEstimator(battery)
+    estimation.put(0.0, {"battery_current_A": -3.0, "battery_voltage_V": 14.4})
+    values = {"battery_changed": 1.0, "battery_current_A": 0.0, "battery_voltage_V": 16.5}
+    assert last(estimation.put(1.0, values)).battery == alone.update(1.0, 0.0, 16.5, math.nan)
+    assert estimation.battery == battery
+
+
+def test_a_forecast_of_the_battery_that_was_taken_out_is_ignored(battery):
+    estimation: Any = Estimation(battery, RLMA)
+    estimation.put(0.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    compute = estimation.forecast()
+    estimation.put(1.0, {"battery_changed": 1.0})
+    estimation.take_forecast(compute())
+    (state,) = estimation.put(2.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    assert math.isnan(state.range.distance_m.p50)
+
+
+@pytest.mark.parametrize(
+    ("home_m", "at_s", "least", "most"), [(10.0, 0.5, 0.95, 1.0), (1e6, 0.5, 0.0, 0.1), (10.0, 90.0, math.nan, 0.0)]
+)
+def test_the_probability_of_reaching_home_is_that_of_a_way_given_lately(battery, home_m, at_s, least, most):
+    estimation: Any = Estimation(battery, RLMA)
+    estimation.put(0.0, {"home_distance_m": home_m})
+    estimation.put(at_s, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    estimation.take_forecast(estimation.forecast()())
+    (state,) = estimation.put(at_s + 1.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    found = state.range.home_probability
+    assert math.isnan(found) if math.isnan(least) else least <= found <= most
+
+
     estimation, found = Estimation(None, RLMA), []
     for k in range(300):
         values = dict.fromkeys((f"wheel_speed_rad_s.{place}" for place in PLACES), 4.0) | {"yaw_rate_rad_s": 0.0}

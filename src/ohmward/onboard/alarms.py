@@ -28,7 +28,7 @@ class AlarmLimits:
 
     soc_empty: float = 0.05  #: low end of the SoC band below which the battery may be nearly empty; 0: never
     soc_low: float = 0.15  #: low end of the SoC band below which it is time to drive home; 0: never
-    home_probability: float = 0.9  #: least probability of reaching home; 0: never
+    home_probability: float = 0.9  #: least probability of reaching home, where `home_distance_m` is given; 0: never
     cell_spread: float = 0.1  #: largest SoC difference between cells; 1: never
     slip_ratio: float = 1.0  #: largest slip ratio of a wheel; 1: never
     stuck: bool = True  #: the wheels turn and the robot does not move

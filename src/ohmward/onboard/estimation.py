@@ -48,6 +48,8 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events reported by a person at the robot.
 CHANGED, RESET = "battery_changed", "pose_reset"
+#: Length of the way home, and the time after which it is no longer used [s].
+HOME, HOME_S = "home_distance_m", 60.0
 
 #: Fields of a drive sample that the odometry does not use: they are in the speed observer's estimate.
 NOT_OF_ODOMETRY = ("current_A", "acceleration_m_s2", "pitch_rad")
@@ -129,6 +131,8 @@ class Estimation:
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
 
+        #: Length of the way home [m], and when it was given.
+        self._home_m = self._home_time_s = math.nan
     def compile(self) -> None:
         """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""
         if self.soc and self.battery:
@@ -147,7 +151,8 @@ class Estimation:
         if self.range is None or not math.isfinite(self.range.state.soc.soc):
             return None
         settings, state = self.range.settings, self.range.state
-        sample = RangeSample(_NO_DRIVE, state.soc, None)
+        is_known = abs(self.state.time_s - self._home_time_s) <= HOME_S
+        sample = RangeSample(_NO_DRIVE, state.soc, self._home_m if is_known else None)
         return lambda: settings.forecast(state, sample)
 
     def take_forecast(self, found: RangeEstimate) -> None:
@@ -173,6 +178,8 @@ class Estimation:
             self.inbox.put(time_s, **parts.drive_message(values))
             states += [self._drive_state(sample) for sample in self.inbox.take()]
         if parts.reported:
+        if math.isfinite(home_m := values.get(HOME, math.nan)):
+            self._home_m, self._home_time_s = home_m, time_s
             states.append(self._after(time_s, {name: values[name] for name in parts.reported}))
         return states
 
