@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -216,7 +217,6 @@ def test_another_battery_begins_with_its_first_voltage(battery):
     assert state.battery.soc > before + 0.2
 
 
-def test_the_pose_begins_again_at_its_origin_when_asked_for():
 def test_another_battery_begins_with_the_capacity_of_the_label(battery):
     """Not with that of the battery before, which had been learnt."""
     known = replace(battery, noise=replace(battery.noise, capacity_std=0.01))
@@ -250,6 +250,7 @@ def test_the_probability_of_reaching_home_is_that_of_a_way_given_lately(battery,
     assert math.isnan(found) if math.isnan(least) else least <= found <= most
 
 
+def test_the_pose_begins_again_at_its_origin_when_asked_for():
     estimation, found = Estimation(None, RLMA), []
     for k in range(300):
         values = dict.fromkeys((f"wheel_speed_rad_s.{place}" for place in PLACES), 4.0) | {"yaw_rate_rad_s": 0.0}

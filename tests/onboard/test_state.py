@@ -4,6 +4,7 @@ import json
 import math
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -390,17 +391,31 @@ def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
         assert (state / LEARNT).exists()
         now.close()
     later = time.time() + 10.0
-    os.utime(given, (later, later))
-    other, before = tmp_path / "other.toml", load_battery(given).capacity_Ah
-    save_battery(generic_battery("lfp", 10.0 * before, 4), other)
-    os.utime(other, (0.0, 0.0))
-    robbed = folder(state, clock, learn=True)
-    assert robbed.battery(str(other)) == load_battery(other)
-    assert "another battery" in robbed.notes[-1]
-    robbed.close()
-    newer = folder(state, clock, learn=True)
-    assert newer.battery(str(given)) == load_battery(given)
-    newer.close()
+    os.utime(given, (later, later))  # by a clock that was ahead
+    again = folder(state, clock, learn=True)
+    assert again.battery(str(given)).knowledge == used.knowledge
+    again.close()
+    save_battery(generic_battery("nmc", 11.0, 4), given)
+    os.utime(given, (0.0, 0.0))
+    changed = folder(state, clock, learn=True)
+    assert changed.battery(str(given)) == load_battery(given)
+    assert "given.toml has changed" in changed.notes[-1]
+    assert not (state / LEARNT).exists()
+    changed.close()
+
+
+def test_what_was_learnt_goes_with_the_battery_that_is_taken_out(tmp_path, battery):
+    state, given = tmp_path / "state", tmp_path / "given.toml"
+    save_battery(battery, given)
+    now = folder(state, FakeClock(), learn=True)
+    label = now.battery(str(given))
+    estimation = driven(label)
+    now.write(estimation, 1300.0)
+    shutil.copy(state / LEARNT, state / IN_USE)
+    estimation.put(1301.0, {"battery_changed": 1.0})
+    now.write(estimation, 1301.0)
+    assert not (state / LEARNT).exists() and not (state / IN_USE).exists()
+    now.close()
 
 
 PROCESS = """

@@ -153,9 +153,9 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
     table, days = folder.consumption() if folder else (None, 0.0)
     if folder is None and setup.consumption and Path(setup.consumption).exists():
         table = load_consumption(setup.consumption)
-    battery_of = folder.battery if folder else load_battery
+    label = load_battery(setup.battery) if setup.battery else None
     return Estimation(
-        battery_of(setup.battery) if setup.battery else None,
+        folder.battery(setup.battery) if folder and setup.battery else label,
         load_robot(setup.robot) if setup.robot else None,
         table,
         setup.delay_s,
@@ -164,3 +164,4 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         time.time(),
         setup.cutoff_V,
     )
+        label,

@@ -72,6 +72,10 @@ class Estimation:
         days: time since the last drive in the consumption.
         unix_s: Unix time at which the estimators start [s], see `SocEstimator`.
         cutoff_V: voltage of the battery at which the robot stops; 0 if nothing monitors it.
+        label: what is known of another battery of the same kind when it is put in; default: `battery`.
+
+    Attributes:
+        swaps: number of times that another battery was put in.
     """
 
     def __init__(
@@ -84,9 +88,12 @@ class Estimation:
         days: float = 0.0,
         unix_s: float | None = None,
         cutoff_V: float = 0.0,
+        label: Battery | None = None,
     ):
         self.battery, self.robot, self.unix_s, self.counts_per_turn = battery, robot, unix_s, counts_per_turn
         self._consumption, self._delay_s, self._days, self._cutoff_V = consumption, delay_s, days, cutoff_V
+        self._label = label or battery
+        self.swaps = 0
         #: Totals over the robot's life, as far as known; continued from a snapshot.
         self.totals = Totals()
         self.restart()
@@ -101,6 +108,8 @@ class Estimation:
         self.range = None
         if battery and robot:
             self.range = RangeEstimator(battery, self._consumption or robot, self._days, cutoff_V=self._cutoff_V)
+        #: Estimator of the range that a forecast was begun for.
+        self._forecast_for: RangeEstimator | None = None
         self.inbox = None
         if robot:
             self.inbox = SensorInbox(robot, self._delay_s, counts_per_turn=self.counts_per_turn, prompt=True)
@@ -122,6 +131,8 @@ class Estimation:
         }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
+        #: Length of the way home [m], and when it was given.
+        self._home_m = self._home_time_s = math.nan
         #: Values measured since the last sample of the "battery" and of the "drive", but not in such a sample.
         self._beside: dict[str, dict[str, float]] = {group: {} for group in GROUPS}
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
@@ -131,8 +142,6 @@ class Estimation:
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
 
-        #: Length of the way home [m], and when it was given.
-        self._home_m = self._home_time_s = math.nan
     def compile(self) -> None:
         """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""
         if self.soc and self.battery:
@@ -150,15 +159,16 @@ class Estimation:
         """
         if self.range is None or not math.isfinite(self.range.state.soc.soc):
             return None
+        self._forecast_for = self.range
         settings, state = self.range.settings, self.range.state
         is_known = abs(self.state.time_s - self._home_time_s) <= HOME_S
         sample = RangeSample(_NO_DRIVE, state.soc, self._home_m if is_known else None)
         return lambda: settings.forecast(state, sample)
 
     def take_forecast(self, found: RangeEstimate) -> None:
-        """Store a forecast of the range; it is valid until the next one."""
-        assert self.range is not None
-        self.range.state = self.range.state._replace(forecast=found)
+        """Store a forecast of the range, valid until the next one; ignored if another battery was put in meanwhile."""
+        if self.range and self.range is self._forecast_for:
+            self.range.state = self.range.state._replace(forecast=found)
 
     def put(self, time_s: float, values: Mapping[str, float]) -> list[RobotState]:
         """States after the values of a message, in the order of their times.
@@ -168,6 +178,8 @@ class Estimation:
         """
         states: list[RobotState] = []
         self._take_events(values)
+        if math.isfinite(home_m := values.get(HOME, math.nan)):
+            self._home_m, self._home_time_s = home_m, time_s
         parts = self._sorter.parts(values)
         for group, signals in parts.beside.items():
             measured = {name: values[signal] for signal, name in signals.items() if math.isfinite(values[signal])}
@@ -178,8 +190,6 @@ class Estimation:
             self.inbox.put(time_s, **parts.drive_message(values))
             states += [self._drive_state(sample) for sample in self.inbox.take()]
         if parts.reported:
-        if math.isfinite(home_m := values.get(HOME, math.nan)):
-            self._home_m, self._home_time_s = home_m, time_s
             states.append(self._after(time_s, {name: values[name] for name in parts.reported}))
         return states
 
@@ -193,12 +203,16 @@ class Estimation:
                 self._events = self._events | {event} if happened else self._events - {event}
 
     def _change_battery(self) -> None:
-        """Restart charge and cells from the next voltage: another battery of the same kind is in."""
+        """Restart charge and cells from the next voltage, and capacity from the label: another battery is in."""
+        self.battery, self.swaps = self._label, self.swaps + 1
         if self.battery and self.soc:
-            self.soc, self.cells, self.absence = SocEstimator(self.battery), None, None
+            self.soc, self.cells, self.absence = SocEstimator(self.battery, unix_s=self.unix_s), None, None
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
-        if self.range:
+        if self.battery and self.range:
+            before = self.range
+            self.range = RangeEstimator(self.battery, before.consumption, cutoff_V=self._cutoff_V)
+            self.range.state = before.state
             self.range.change_battery()
 
     def _reset_pose(self) -> None:

@@ -3,7 +3,8 @@
 snapshot.json            every few seconds, with the previous one beside it
 consumption.toml         every minute and at the end
 battery.toml             with `learn`: the battery file in use, as learnt up to the last day
-battery-learnt.toml      with `learn`: as learnt up to now; in use from the next day on
+battery-learnt.toml      with `learn`: as learnt up to now; in use after an absence of more than an hour
+battery-given.txt        digest of the battery file that both began with
 
 Snapshot file: the newest state of the estimators on the disk, and the one before it.
 
@@ -15,6 +16,7 @@ which files are intact.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import json
 import math
 import os
@@ -36,7 +38,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
-from ohmward.onboard.resume import DRIVE_S, is_another, label_of, remember, resume
+from ohmward.onboard.resume import DRIVE_S, remember, resume
 from ohmward.quantities import DAY_S
 from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
 
@@ -49,6 +51,7 @@ SNAPSHOT_S = 5.0
 TABLE_S, LEARNT_S = 60.0, 3600.0
 
 IN_USE, LEARNT, CONSUMPTION, LOCK = "battery.toml", "battery-learnt.toml", "consumption.toml", "lock"
+GIVEN = "battery-given.txt"
 
 
 class StateFolder:
@@ -88,30 +91,33 @@ class StateFolder:
         if self.before and self.before.get("live", True) != live:
             self._start_over()
         self.away_s = self._away_s()
+        self._swaps = 0
 
     def battery(self, given: str) -> Battery:
-        """The battery to use: from the learnt file, unless the given one is newer.
+        """The battery to use: from the learnt file, unless the given one has changed since.
 
         Raises:
             InputError: it cannot be read.
+            OhmwardError: the folder cannot be written.
         """
         in_use, learnt, source = self.path / IN_USE, self.path / LEARNT, Path(given)
         battery = load_battery(source)
         if not self.learn:
             return battery
+        digest, noted = hashlib.sha256(source.read_bytes()).hexdigest(), self.path / GIVEN
+        if noted.exists() and noted.read_text(encoding="ascii", errors="replace") != digest:
+            self._forget_learnt()
+            self.notes.append(f"{given} has changed: it is used, and what was learnt with the one before is forgotten")
+        write_text(noted, digest)
         if learnt.exists() and self.before and not self.away_s <= DRIVE_S:
             learnt.replace(in_use)
-        if not in_use.exists() or in_use.stat().st_mtime < source.stat().st_mtime:
+        if not in_use.exists():
             return battery
         try:
-            battery_learnt = load_battery(in_use)
+            return load_battery(in_use)
         except InputError as error:
             self.notes.append(f"{error}; {given} is used")
             return battery
-        if is_another(label_of(battery), battery_learnt):
-            self.notes.append(f"{in_use} has learnt another battery; {given} is used")
-            return battery
-        return battery_learnt
 
     def consumption(self) -> tuple[Consumption | None, float]:
         """The consumption as learnt on earlier days, None before the first, and the days since then.
@@ -139,6 +145,7 @@ class StateFolder:
             try:
                 while True:
                     await asyncio.sleep(SNAPSHOT_S)
+                    self._follow_swaps(estimation)
                     await asyncio.to_thread(self._write_snapshot, self._content(estimation, now_s()))
                     if self.clock.now_s() - table_s > TABLE_S:
                         table_s = self.clock.now_s()
@@ -153,6 +160,7 @@ class StateFolder:
 
     def write(self, estimation: Estimation, now_s: float) -> None:
         """Write everything once."""
+        self._follow_swaps(estimation)
         self._write_snapshot(self._content(estimation, now_s))
         self._write_table(estimation)
         if self.learn:
@@ -161,6 +169,16 @@ class StateFolder:
     def close(self) -> None:
         """Release the folder."""
         self._lock.close()
+
+    def _follow_swaps(self, estimation: Estimation) -> None:
+        """Forget what was learnt of a battery that has been swapped for another."""
+        if estimation.swaps != self._swaps:
+            self._swaps = estimation.swaps
+            self._forget_learnt()
+
+    def _forget_learnt(self) -> None:
+        for name in (IN_USE, LEARNT):
+            (self.path / name).unlink(missing_ok=True)
 
     def _start_over(self) -> None:
         """Discard a replay's state on a robot; refuse to overwrite a robot's state in a replay."""
