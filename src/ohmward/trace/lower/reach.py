@@ -108,7 +108,8 @@ def _file_digest(path: str) -> str:
     """
     file = Path(path)
     try:
-        if file.stat().st_mtime > _STARTED_UNIX_S:
+        # a time in the future is of a clock that was ahead of this one, as after a boot without a clock: no edit since
+        if _STARTED_UNIX_S < file.stat().st_mtime <= time.time():
             raise UnknownReachError(path)
         return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError as error:
