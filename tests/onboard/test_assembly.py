@@ -4,9 +4,11 @@ import pytest
 
 from ohmward import InputError, generic_battery, save_battery
 from ohmward.onboard.assembly import assemble, sinks_of
+from ohmward.onboard.control.outputs import MqttOutput
 from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.onboard.robot_state import Level
+from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.server import InfluxSink
@@ -59,6 +61,16 @@ def test_the_name_of_the_setup_is_that_of_the_robot_in_every_sink_that_has_none_
     found: list[Any] = [*sinks_of(Setup(name="cart", robot="rlma", sink=sinks))]
     page, mqtt, influx, other = found
     assert (page.robot, mqtt.topic, influx.robot, other.robot) == ("cart", "ohmward/cart", "cart", "cart 2")
+
+
+def test_a_control_sink_is_of_the_robot_of_the_setup():
+    output = MqttOutput(topic="drives")
+    (sink,) = sinks_of(Setup(robot="rlma", sink=(ControlSink(mqtt=output),)))
+    assert isinstance(sink, ControlSink) and sink.robot == "rlma"
+    with pytest.raises(
+        InputError, match=r"sink control: robot = 'husky' is not that of the setup, 'rlma'; leave it out"
+    ):
+        sinks_of(Setup(robot="rlma", sink=(ControlSink("husky", mqtt=output),)))
 
 
 JSON_SETUP = """

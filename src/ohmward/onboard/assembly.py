@@ -21,6 +21,7 @@ from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.ros.transport import SharedNode
 from ohmward.onboard.sinks import AnySink
+from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sinks.store import StoreSink
@@ -113,12 +114,29 @@ def state_folder(setup: Setup) -> StateFolder | None:
 
 
 def sinks_of(setup: Setup) -> list[AnySink]:
-    """The sinks of a setup, with the robot's name; a page without a store uses that of the setup's `store` sink."""
+    """The sinks of a setup, with the robot's name; a page without a store uses that of the setup's `store` sink.
+
+    Raises:
+        InputError: a control sink is of another robot than the setup, or a robot file cannot be read.
+    """
     folder = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
     return [
         replace(sink, store=folder) if isinstance(sink, PageSink) and sink.store is None else sink
-        for sink in (_named(sink, setup.name) for sink in setup.sink)
+        for sink in (_of_robot(_named(sink, setup.name), setup.robot) for sink in setup.sink)
     ]
+
+
+def _of_robot(sink: AnySink, robot: str | None) -> AnySink:
+    """The sink, with the robot of the setup if it controls one; robot: path or name of that one, None without one.
+
+    Raises:
+        InputError: it controls another one, whose wheels may have another order; a robot file cannot be read.
+    """
+    if not isinstance(sink, ControlSink) or robot is None:
+        return sink
+    if sink.robot is not None and load_robot(sink.robot) != load_robot(robot):
+        raise InputError(f"sink {sink.name}: robot = {sink.robot!r} is not that of the setup, {robot!r}; leave it out")
+    return replace(sink, robot=robot)
 
 
 def _named(sink: AnySink, name: str) -> AnySink:
@@ -163,5 +181,5 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         days,
         time.time(),
         setup.cutoff_V,
-    )
         label,
+    )

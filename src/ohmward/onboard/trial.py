@@ -18,6 +18,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
+from ohmward.onboard.assembly import sinks_of
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message, no_such_part, unmeasured_wheels, wheel_number
@@ -280,7 +281,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         begun.set()
         recorder.put(message)
 
-    simulated, driving = connect_simulated_drives(setup.source, setup.sink)
+    simulated, driving = connect_simulated_drives(setup.source, sinks_of(setup))
     # a sink opens what it sends to, and gets no state
     trials = {
         sink.name: sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed()) for sink in driving

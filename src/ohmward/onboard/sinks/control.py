@@ -21,7 +21,7 @@ from ohmward.traction.robot.packaged import load_robot
 class ControlSink:
     """The controller and its operator."""
 
-    robot: str  #: path of a robot file or name of a packaged robot
+    robot: str | None = None  #: path of a robot file or name of a packaged robot; default: that of the setup
     #: output to the drives; give one
     can: CanOutput | None = None
     ros: RosOutput | None = None
@@ -54,7 +54,7 @@ class ControlSink:
         """Control until the feed ends; the last commands stop the robot."""
         control, token = await asyncio.to_thread(self._control), self._token()
         loop = ControlLoop(control, self.step_s)
-        server = OperatorServer(loop, self.robot, token)
+        server = OperatorServer(loop, control.robot.name, token)
         # the port first: a second process finds it taken before it has sent anything to the drives
         async with (
             server.listening(*host_and_port("operator", self.operator)),
@@ -82,6 +82,8 @@ class ControlSink:
 
     def _control(self) -> DriveControl:
         """The controller, which is compiled here."""
+        if self.robot is None:
+            raise InputError('control needs the robot file: robot = "robot.toml"')
         return DriveControl(load_robot(self.robot), self.limits)
 
     def _token(self) -> str:
