@@ -158,6 +158,17 @@ def test_a_web_hook_gets_a_message_when_an_alarm_begins_and_one_when_it_ends(mon
     assert feed.trouble == ""
 
 
+def test_a_message_that_is_refused_for_good_does_not_hold_up_the_next(monkeypatch):
+    monkeypatch.setattr("ohmward.onboard.sinks.webhook.AGAIN_S", 60.0)
+    feed = Feed()
+    for alarms in ((LOW,), ()):
+        feed.put(state(unix_s=1.8e9, alarms=alarms))
+    feed.end()
+    with hook(400, 200) as (url, got):
+        asyncio.run(asyncio.wait_for(WebhookSink(url).run(feed), 20.0))
+    assert [one["active"] for one in got] == [False]
+
+
 def test_an_address_that_is_none_is_refused():
     with pytest.raises(InputError, match=r"url must be http://HOST/PATH"):
         WebhookSink("hooks.example")

@@ -57,6 +57,11 @@ def test_a_line_that_is_too_long_is_left_out_once():
     assert left_out == 2
 
 
+def test_a_line_that_is_too_long_is_left_out_also_where_it_comes_at_once():
+    lines, left_out, _, _ = read([b"good\n" + b"x" * (LONGEST_LINE + 1) + b"\ngood\n"])
+    assert (lines, left_out) == ([b"good", b"good"], 1)
+
+
 def test_others_have_their_turn_in_a_burst():
     async def main():
         lines: list[bytes] = []

@@ -25,6 +25,14 @@ def test_from_a_file_of_the_owner_only(tmp_path):
         secret("password", f"file:{tmp_path / 'none'}")
 
 
+def test_a_system_without_modes_has_none_to_check(tmp_path, monkeypatch):
+    path = tmp_path / "secret"
+    path.write_text("sesame\n")
+    path.chmod(0o666)  # of every file that can be written on Windows
+    monkeypatch.setattr("ohmward.onboard.secrets.HAS_MODES", False)
+    assert secret("password", f"file:{path}") == "sesame"
+
+
 @pytest.mark.parametrize("given", ["pa55-word!", "pa55word", "Pa55"])
 def test_a_secret_that_stands_in_the_setup_is_refused_without_being_shown(given):
     with pytest.raises(InputError, match="says where the secret is") as found:

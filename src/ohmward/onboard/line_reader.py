@@ -61,11 +61,15 @@ class LineReader(asyncio.Protocol):
         if lines and self._skipping:
             del lines[0]
             self._skipping = False
+        for line in lines:
+            if len(line) > LONGEST_LINE:
+                self._left_out()
+            else:
+                self._waiting.append(line)
         if len(self._rest) > LONGEST_LINE:
             if not self._skipping:
                 self._left_out()
             self._rest, self._skipping = b"", True
-        self._waiting.extend(lines)
         if not self._busy:
             self._take_some()
 

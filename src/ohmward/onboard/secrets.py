@@ -12,6 +12,9 @@ from pathlib import Path
 
 from ohmward.errors import InputError
 
+#: Whether the mode of a file says who may read it; on Windows it does not.
+HAS_MODES = os.name == "posix"
+
 #: Prefix of a file's path in the key of a setup that names a secret.
 _FILE = "file:"
 
@@ -45,7 +48,7 @@ def secret(key: str, where: str) -> str:
     path = Path(where.removeprefix(_FILE))
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
-        if mode & 0o077:
+        if HAS_MODES and mode & 0o077:
             raise InputError(f"{key}: others may read {path} (mode {mode:o}); chmod 600 {path}")
         found = path.read_text(encoding="utf-8").rstrip("\r\n")
     except (OSError, UnicodeDecodeError) as error:

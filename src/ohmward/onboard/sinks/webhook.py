@@ -14,11 +14,16 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.http_post import post
+from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import Alarm, RobotState
 from ohmward.onboard.secrets import check_secret_name, secret
 
 #: Time before a server that is away is tried again [s].
 AGAIN_S = 5.0
+
+#: Status of a server that will never take this message, but may take others: bad request, too large, no such media
+#: type, unprocessable.
+_FOR_GOOD = (400, 413, 415, 422)
 
 
 @dataclass(frozen=True)
@@ -74,15 +79,19 @@ class WebhookSink:
         return url, {"Content-Type": "application/json"} | token
 
     async def _send(self, url: str, headers: Mapping[str, str], message: Mapping[str, Any], feed: Feed) -> None:
-        """Send a message until the server takes it; once the feed has ended it is tried once."""
+        """Send a message until the server takes it or refuses it for good; only once after the feed has ended."""
         text = json.dumps(message, ensure_ascii=False)
         while True:
             try:
                 answer = await asyncio.to_thread(post, url, text, headers)
-                if not 200 <= answer.status < 300:
-                    place = urllib.parse.urlsplit(url).netloc
-                    raise OhmwardError(f"{place} refuses ({answer.status} {answer.text}); check url and token")
+                place = urllib.parse.urlsplit(url).netloc
+                refusal = f"{place} refuses ({answer.status} {answer.text}); check url and token"
                 feed.trouble = ""
+                if answer.status in _FOR_GOOD:
+                    LOG.error("alarm %s is not sent: %s", message["alarm"], refusal)
+                    feed.trouble = f"alarm {message['alarm']} was not sent: {refusal}"
+                elif not 200 <= answer.status < 300:
+                    raise OhmwardError(refusal)
                 return
             except OhmwardError as error:
                 feed.trouble = f"alarm {message['alarm']} waits: {error}"
