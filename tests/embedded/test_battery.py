@@ -201,3 +201,6 @@ def test_files_that_no_export_wrote_are_kept(tmp_path):
     with pytest.raises(OhmwardError, match=r"Makefile was not written by ohmward, and is kept; choose another folder"):
         write_library(files, tmp_path)
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["Makefile"]
+    (tmp_path / "README.md").write_text("# Rover\n\nIts charge comes from a filter that was exported by ohmward.\n")
+    with pytest.raises(OhmwardError, match=r"was not written by ohmward"):
+        write_library(files, tmp_path)

@@ -158,6 +158,8 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
 
 #: The file that names ohmward as its author, where there are several.
 _SIGNED = "README.md"
+#: How it does so: in its first characters, with the version; other texts about ohmward may stand anywhere.
+_AUTHOR, _HEAD = re.compile(r"(exported|Written) by ohmward \d"), 500
 
 
 def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
@@ -168,7 +170,7 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
     """
     there = [folder / name for name in files if (folder / name).exists()]
     signed = folder / (_SIGNED if _SIGNED in files else next(iter(files)))
-    if there and not (signed.is_file() and "ohmward" in signed.read_text(encoding="utf-8", errors="replace")):
+    if there and not (signed.is_file() and _is_ours(signed)):
         raise OhmwardError(f"{there[0]} was not written by ohmward, and is kept; choose another folder with -o")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -179,6 +181,11 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
         paths.append(folder / name)
         write_text(paths[-1], text)
     return paths
+
+
+def _is_ours(path: Path) -> bool:
+    """True for a file that an export has written."""
+    return bool(_AUTHOR.search(path.read_text(encoding="utf-8", errors="replace")[:_HEAD]))
 
 
 def _comments(export: Export) -> dict[str, str]:
