@@ -139,7 +139,7 @@ def test_text_and_page(there, capsys):
     for words in ("range left", "probability", "grass", "point of return", "Assumed"):
         assert words in text
     html = (there / "page.html").read_text(encoding="utf-8")
-    for words in ("State of charge", "On grass", "On gravel", "Probability to get here"):
+    for words in ("State of charge", "On grass", "On gravel", "Probability of arriving"):
         assert words in html
 
 

@@ -80,7 +80,7 @@ def test_a_drive_a_robot_and_a_path_have_cards():
     _, found = facts(card(drive))
     assert found["wheels"] == "4, 2 of them driven" and found["motor current"] == "not measured"
     assert facts(card(RLMA))[1]["wheels"] == "4, driven: front left, front right"
-    assert facts(card(Odometry("rlma", "python").run(drive)))[1]["way"].endswith(" m")
+    assert facts(card(Odometry("rlma", "python").run(drive)))[1]["distance"].endswith(" m")
 
 
 def test_something_else_is_refused():

@@ -46,7 +46,7 @@ def test_of_slip():
     observer = SpeedObserver(scene(RLMA, hard_terrain("gravel")), States(radius=False, rolling=False), method="ekf")
     run = SlipEstimator(observer, "python").run(DriveLog("x", TIME_S, wheels, np.full((T, 2), 0.2)))
     plot = run.plot()
-    assert titles(plot) == ["Speed", "Slip, wheel 0", "Slip, wheel 1", "Friction over the assumed", "Grade"]
+    assert titles(plot) == ["Speed", "Slip, wheel 1", "Slip, wheel 2", "Friction over the assumed", "Grade"]
     assert plot.figures[0].series[0].y == pytest.approx(run.speed_m_s)
 
 
@@ -57,7 +57,7 @@ def test_of_slip_on_floors():
         DriveLog("x", TIME_S, wheels, currents)
     )
     plot = run.plot()
-    assert titles(plot) == ["Slip of the robot", *(f"Floor under wheel {k}" for k in range(3))]
+    assert titles(plot) == ["Slip of the robot", *(f"Floor under wheel {k}" for k in (1, 2, 3))]
     assert [s.label for s in plot.figures[1].series] == ["floor 0", "floor 1"]
 
 

@@ -109,7 +109,7 @@ def _(run: SocRun) -> str:
     facts = {
         **_steps(run),
         "SoC at the end": f"{percent(e.soc[-1], 1)} ± {percent(BAND_95 * e.soc_std[-1], 1)} (95 %)",
-        "SoC before": f"{percent(float(np.nanmin(e.soc)), 1)} to {percent(float(np.nanmax(e.soc)), 1)}",
+        "SoC range": f"{percent(float(np.nanmin(e.soc)), 1)} to {percent(float(np.nanmax(e.soc)), 1)}",
         "in words": run.explain().sentence,
     }
     return html_card("State of charge", facts, battery.soc_figure(run, e))
@@ -172,7 +172,7 @@ def _(run: OdometryRun) -> str:
         "pose at the end": f"{e.x_m[-1]:.2f} m forward, {e.y_m[-1]:.2f} m to the left, turned by "
         f"{np.degrees(e.yaw_rad[-1]):.1f}°",
         "position": f"± {BAND_95 * e.position_std_m[-1]:.2g} m (95 %)",
-        "way": quantity(float(e.distance_m[-1]), "m"),
+        "distance": quantity(float(e.distance_m[-1]), "m"),
     }
     return html_card("Path", facts, slip.path_map(run))
 
@@ -180,7 +180,7 @@ def _(run: OdometryRun) -> str:
 @card.register
 def _(run: FloorRun) -> str:
     crossings = f"{len(run.crossings)}" if run.crossings else "none"
-    return html_card("Slip on floors", {**_steps(run), "other floors met": crossings}, slip.floor_plots(run)[0])
+    return html_card("Slip on floors", {**_steps(run), "floor changes": crossings}, slip.floor_plots(run)[0])
 
 
 @card.register

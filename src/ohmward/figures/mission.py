@@ -7,6 +7,7 @@ import numpy as np
 from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.energy.drive_record import DriveRecord, RecordedBalance, expected_J_per_m, usual_speed_m_s
 from ohmward.energy.points import P90_SIGMA
+from ohmward.figures.parts import ARRIVING
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Marker, Series
 from ohmward.report.figure import Meaning
@@ -39,7 +40,7 @@ def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]
         Figure("State of charge", label, "State of charge [%]", [_line(x, soc), reserve], [_band(x, soc)], turn),
         Figure("Energy", label, "Energy [Wh]", [_line(x, energy)], [_band(x, energy)], turn, height_px=200),
         Figure(
-            "Probability to get here with the reserve left",
+            ARRIVING,
             label,
             "Probability [%]",
             [Series(x, probability, "probability", role="estimate")],

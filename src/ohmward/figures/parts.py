@@ -15,6 +15,9 @@ from ohmward.report import Band, Series, Span, WallClock
 from ohmward.report.figure import Meaning
 from ohmward.runs import runs
 
+#: Title of the probability of arriving, along a plan and over time.
+ARRIVING = "Probability of arriving with the reserve left"
+
 #: More spans than this would be a grey wall; the longest are drawn.
 MOST_SPANS = 300
 

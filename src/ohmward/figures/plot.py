@@ -18,6 +18,7 @@ from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
 from ohmward.figures.health import trend_figures
+from ohmward.figures.parts import ARRIVING
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
@@ -119,7 +120,5 @@ def range_figures(run: RangeRun) -> list[Figure]:
     figures = [Figure("Range left", TIME, "Range [km]", line, band, height_px=300)]
     if np.isfinite(run.home_probability).any():
         line = [Series(run.time_s, 100 * run.home_probability, "probability", role="estimate")]
-        figures.append(
-            Figure("Coming home with the reserve left", TIME, "Probability [%]", line, y_limits=(-2.0, 102.0))
-        )
+        figures.append(Figure(ARRIVING, TIME, "Probability [%]", line, y_limits=(-2.0, 102.0)))
     return figures

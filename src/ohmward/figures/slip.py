@@ -44,7 +44,7 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
     wheels: names of the driven ones; without them they are numbered.  true_slip_m_s: (T, driven).
     """
     e = run.estimates
-    names = wheels or [f"wheel {k}" for k in range(e.slip_speed_m_s.shape[1])]
+    names = wheels or _wheel_names(e.slip_speed_m_s.shape[1])
     figures = [
         slip_figure(run, k, name, None if true_slip_m_s is None else true_slip_m_s[:, k])
         for k, name in enumerate(names)
@@ -59,8 +59,9 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
 def drive_figures(log: DriveLog) -> list[Figure]:
     """Wheels, motors and body as they were logged; a quantity that was never measured has no figure."""
     figures = [wheels_figure(log)]
-    currents = enumerate(log.motor_current_A.T, 1)
-    series = [Series(log.time_s, values, f"wheel {k}") for k, values in currents if np.isfinite(values).any()]
+    currents = log.motor_current_A.T
+    names = zip(_wheel_names(len(currents)), currents, strict=True)
+    series = [Series(log.time_s, values, name) for name, values in names if np.isfinite(values).any()]
     figures += [Figure("Motors", TIME, "Current [A]", series, height_px=200)] if series else []
     for name in log.channels:
         quantity = QUANTITIES[name]
@@ -69,10 +70,15 @@ def drive_figures(log: DriveLog) -> list[Figure]:
     return figures
 
 
+def _wheel_names(count: int) -> list[str]:
+    """Names of wheels that have none, in the order of their columns."""
+    return [f"wheel {k}" for k in range(1, count + 1)]
+
+
 def wheels_figure(log: DriveLog, wheels: Sequence[str] = ()) -> Figure:
     """Speed of each wheel as it was logged; wheels: their names, in the order of the columns, or they are numbered."""
     columns = log.wheel_speed_rad_s.T
-    names = zip(wheels or [f"wheel {k}" for k in range(1, len(columns) + 1)], columns, strict=False)
+    names = zip(wheels or _wheel_names(len(columns)), columns, strict=False)
     known = [(name, np.flatnonzero(np.isfinite(values)), values) for name, values in names]
     series = [Series(log.time_s[rows], values[rows], name) for name, rows, values in known]
     return Figure("Wheels", TIME, "Speed [rad/s]", series)
@@ -152,7 +158,7 @@ def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str]
     """
     _, wheel_count, floor_count = run.floor_probability.shape
     floors = floors or [f"floor {k}" for k in range(floor_count)]
-    wheels = wheels or [f"wheel {k}" for k in range(wheel_count)]
+    wheels = wheels or _wheel_names(wheel_count)
     curves = estimated(run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std)
     crossings = [Marker(crossing.time_s, "other floor", "alert") for crossing in run.crossings]
     robot = Figure("Slip of the robot", TIME, "Slip [%]", *curves, markers=crossings)
