@@ -71,12 +71,12 @@ class Floor:
     #: share of the load, >= 0
     rolling: float
     roller: float = 0.0
-    friction_std: float = FRICTION_STD  #: its standard deviation
-    stiffness_std: float = STIFFNESS_STD  #: its standard deviation
-    correlation: float = 0.0  #: between the errors of the two, in (-1, 1)
+    friction_std: float = FRICTION_STD  #: relative standard deviation of `friction`
+    stiffness_std: float = STIFFNESS_STD  #: relative standard deviation of `stiffness`
+    correlation: float = 0.0  #: between the errors of friction and stiffness, in (-1, 1)
     #: standard deviation of a wheel's slip from drive to drive that the law leaves unexplained, >= 0
     slip_std: float = 0.02
-    drag_std: float = ROLLING_STD  #: of both, relative, >= 0
+    drag_std: float = ROLLING_STD  #: relative standard deviation of `rolling` and `roller`, >= 0
     #: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0
     force_std: float = 0.03
     drives: int = 0  #: number of recordings that it was learnt from; 0 for a new floor
