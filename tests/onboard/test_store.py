@@ -344,7 +344,7 @@ for line in sys.stdin:
 @pytest.mark.slow
 def test_no_row_is_lost_or_stored_twice_when_the_process_is_killed(tmp_path):
     """Kill a process that writes and archives, again and again."""
-    kills, rng, acknowledged = int(os.environ.get("OHMWARD_KILLS", "60")), random.Random(2), 0
+    kills, rng, acknowledged = int(os.environ.get("OHMWARD_KILLS", "25")), random.Random(2), 0
     command = [sys.executable, "-c", FORKS_WRITERS, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1) as forks:
         assert forks.stdin is not None and forks.stdout is not None

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,11 +31,13 @@ def live(lowering="python"):
     """A new estimator; those in Python share what is traced and compiled."""
     estimator = FloorSlipEstimator(FLOORS, lowering)
     if lowering == "python":
-        estimator._kernel = KERNEL
+        estimator._kernel = kernel()
     return estimator
 
 
-KERNEL = FLOORS.compiled("python")
+@cache
+def kernel():
+    return FLOORS.compiled("python")
 
 
 def drive(seed=1, seconds=8.0, later=None):
