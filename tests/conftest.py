@@ -6,6 +6,8 @@ import os
 import pytest
 from hypothesis import settings
 
+from needs import CHROMIUM
+
 # Traced programs are many objects that live long; at the usual threshold the collector walks through them all the time.
 gc.set_threshold(100_000, 20, 20)
 
@@ -18,3 +20,16 @@ settings.load_profile("ohmward")
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than processors: tests of the process on the robot wait for servers and clocks."""
     return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium, or a skip. Not for the session: while it runs, no other test can run an event loop."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield browser
+        browser.close()

@@ -2,15 +2,12 @@
 
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 
 import pytest
 
-from markdown_pages import ROOT
+from scripts import script
 
-sys.path.insert(0, str(ROOT / "benchmarks"))
-accuracy = import_module("accuracy")
-figure = import_module("figure")
+accuracy, figure = script("accuracy"), script("figure")
 
 RUN = figure.at_most("sand", "brush", "RMSE [N]", 1.5, 2.0)
 SLOW = figure.at_least("car", "ekf", "coverage", 0.5, 0.9)

@@ -1,17 +1,13 @@
 """The benchmarks on measured drives: what they make of the files, and that the car's figures hold."""
 
-import sys
-from importlib import import_module
-
 import numpy as np
 import pytest
 
-from markdown_pages import ROOT
 from ohmward.logs.drive_log import DriveLog
+from scripts import script
 
-sys.path.insert(0, str(ROOT / "benchmarks"))
-real_data, real_car, real_warthog, real_husky, real_sand = (
-    import_module(name) for name in ("real_data", "real_car", "real_warthog", "real_husky", "real_sand")
+real_data, real_car, real_warthog, real_husky, real_sand = map(
+    script, ("real_data", "real_car", "real_warthog", "real_husky", "real_sand")
 )
 
 

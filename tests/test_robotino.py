@@ -1,29 +1,22 @@
 """The benchmark on the measured Robotino: a few of the runs that it judges in full, and how it finds its truth."""
 
-import sys
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 
-from markdown_pages import ROOT
+from needs import measured_file
 from ohmward.traction import ROBOTINO
 from ohmward.traction.terrain.slip_on_floors import slip_on_floors
+from scripts import script
 from traction.terrain.drives import SMOOTH, SOFT
 
-sys.path.insert(0, str(ROOT / "benchmarks"))
-robotino, robotino_live, robotino_blue, figure = (
-    import_module(name) for name in ("robotino", "robotino_live", "robotino_blue", "figure")
-)
+robotino, robotino_live, robotino_blue = map(script, ("robotino", "robotino_live", "robotino_blue"))
 
 
 @pytest.fixture(scope="module")
 def recordings():
-    try:
-        return figure.data_file(f"{robotino.FOLDER}/gray.parquet").parent
-    except FileNotFoundError as absent:
-        pytest.skip(f"{absent} is absent; set OHMWARD_DATA to the folder of the measured data")
+    return measured_file(robotino.FOLDER)
 
 
 @pytest.mark.slow

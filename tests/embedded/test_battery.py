@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from embedded.batteries import BATTERY
+from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.embedded import battery_export, library, write_library
@@ -31,7 +32,6 @@ int main()
     return output.soc > 0.0f && output.soc < 1.0f ? 0 : 1;
 }
 """
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 
 
 def made(folder, *arguments):
@@ -66,7 +66,7 @@ def test_sanitizers_find_nothing(tmp_path):
 
 
 @needs_gcc
-@pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+@needs_cppcheck
 def test_cppcheck_finds_nothing(tmp_path):
     write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
     command = ["cppcheck", "--quiet", "--enable=warning,portability", "--error-exitcode=1", tmp_path / "soc.c"]

@@ -1,19 +1,18 @@
 """Steps as loops: the bits of the straight line, sample by sample, in less code; compiled as their user would."""
 
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
 from embedded.batteries import BATTERY
+from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.soc.sample import SocSample
 from ohmward.embedded import Twin, battery_export, library, write_library
 from ohmward.embedded.battery import WITH_LOOPS
 from ohmward.embedded.c_library import check_fits, size
 from ohmward.errors import InputError
 
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 every_filter = pytest.mark.parametrize("name", WITH_LOOPS)
 every_rate = pytest.mark.parametrize("sample_time_s", [None, 0.5])
 
@@ -78,7 +77,7 @@ def test_sanitizers_find_nothing(name, tmp_path):
 
 
 @every_filter
-@pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+@needs_cppcheck
 def test_cppcheck_finds_nothing(name, tmp_path):
     written(tmp_path, name)
     command = ["cppcheck", "--quiet", "--enable=warning,portability", "--error-exitcode=1", tmp_path / "soc.c"]

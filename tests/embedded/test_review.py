@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from markdown_pages import programs
+from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.chemistries import generic_battery
 from ohmward.embedded import battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
@@ -19,7 +20,6 @@ EXPORTS = {
     "controller": lambda: controller_export(RLMA, name="soc"),
 }
 FIRMWARE = ("soc.c", "soc_frame.c", "soc_saved.c")
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 #: Saves a state, loads it, and refuses it damaged, erased and of another library.
 POWER_CYCLE = """
 #include "soc_saved.h"
@@ -48,7 +48,7 @@ int main(void)
 """
 
 
-@pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+@needs_cppcheck
 @pytest.mark.parametrize("kind", EXPORTS)
 def test_the_readme_lists_every_deviation_from_misra(kind, tmp_path):
     files = library(EXPORTS[kind]())

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from markdown_pages import programs
+from needs import needs_gcc
 from ohmward.battery.chemistries import generic_battery
 from ohmward.embedded import battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
@@ -23,7 +24,6 @@ int main(void)
     return on_sample(&sample, false).soc > 0.0f ? 0 : 1;
 }
 """
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 
 
 def do(*words, **options):

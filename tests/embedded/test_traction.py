@@ -1,10 +1,10 @@
 """The traction half in C: observers and controllers, compiled and run as their user would."""
 
-import shutil
 import subprocess
 
 import pytest
 
+from needs import needs_gcc
 from ohmward.embedded import controller_export, library, observer_export, odometry_export, write_library
 from ohmward.embedded.c_library import size
 from ohmward.embedded.traction import CONTROLLERS
@@ -12,7 +12,6 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 
 ASPHALT = hard_terrain("dry asphalt")
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 
 
 def passes(export, folder):

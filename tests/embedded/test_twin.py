@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from needs import needs_gcc
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.sample import SocSample
@@ -23,7 +24,7 @@ from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.control import Measurement, SlipCommand
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
-pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+pytestmark = needs_gcc
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)
 FIRST = SocSample(0.0, -1.0, 13.2, 25.0)
 

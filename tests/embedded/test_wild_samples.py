@@ -1,6 +1,5 @@
 """Any bits for a sample: what is exported survives, and gives numbers again once its sensors do."""
 
-import shutil
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 
 from embedded.batteries import BATTERY as PACK
+from needs import needs_gcc
 from ohmward.battery.soc.registry import available
 from ohmward.embedded import Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.embedded.traction import CONTROLLERS
@@ -15,7 +15,7 @@ from ohmward.embedded.twin import FLAGS
 from ohmward.traction import RLMA, hard_terrain
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
-pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+pytestmark = needs_gcc
 TRIALS, WILD_STEPS, GOOD_STEPS = 20, 100, 1000
 BATTERY = np.array([1.0, -1.0, 13.2, 25.0])
 DRIVE = np.array([0.01, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1, *[np.nan] * 6])

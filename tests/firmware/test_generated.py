@@ -1,16 +1,11 @@
 """The committed C libraries are those that the code of today generates."""
 
-import importlib
-import sys
-from pathlib import Path
-
 import pytest
 
 from ohmward.embedded import library
+from scripts import script
 
-FIRMWARE = Path(__file__).parents[2] / "firmware"
-sys.path.insert(0, str(FIRMWARE))
-generate = importlib.import_module("generate")
+generate = script("generate", "firmware")
 ADVICE = "the C on the chip changes; if it should, run `python firmware/generate.py` and commit the difference"
 
 

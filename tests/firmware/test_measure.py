@@ -1,10 +1,7 @@
 """Libraries on the emulated microcontroller; skipped where the cross compiler or the emulator is missing."""
 
-import importlib
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +12,10 @@ from ohmward.cli.main import main as ohmward
 from ohmward.embedded import battery_export, controller_export, observer_export
 from ohmward.logs import Log, write_log
 from ohmward.traction import RLMA, hard_terrain
+from scripts import script
 
-FIRMWARE = Path(__file__).parents[2] / "firmware"
-sys.path.insert(0, str(FIRMWARE))
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
-measure, cycles, emulator = (importlib.import_module(name) for name in ("measure", "cycles", "emulator"))
+measure, cycles, emulator = (script(name, "firmware") for name in ("measure", "cycles", "emulator"))
 
 MISSING = [tool for tool in (*emulator.TOOLS, "gcc") if not shutil.which(tool)]
 needs_tools = pytest.mark.skipif(

@@ -1,18 +1,13 @@
 """What single precision costs: bare filters keep SoC to 2e-5 over a long cycled log, and the page says it of all."""
 
-import importlib
-import shutil
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-FIRMWARE = Path(__file__).parents[2] / "firmware"
-sys.path.insert(0, str(FIRMWARE))
+from needs import needs_gcc
+from scripts import script
+
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
-measure, precision = (importlib.import_module(name) for name in ("measure", "precision"))
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+measure, precision = script("measure", "firmware"), script("precision", "firmware")
 
 #: Largest difference of SoC. The extended filter has more, for a while, where the slope of the curve jumps.
 TOLERANCES = [("coulomb", 1e-5), ("textbook-ukf", 2e-5), ("ukf", 5e-4)]

@@ -1,16 +1,13 @@
 """How small the bare filters are on a Cortex-M4F: instructions of the longest step, bytes of code and tables."""
 
-import importlib
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 
-FIRMWARE = Path(__file__).parents[2] / "firmware"
-sys.path.insert(0, str(FIRMWARE))
+from scripts import script
+
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
-measure, emulator = (importlib.import_module(name) for name in ("measure", "emulator"))
+measure, emulator = script("measure", "firmware"), script("emulator", "firmware")
 
 MISSING = [tool for tool in (*emulator.TOOLS, "gcc") if not shutil.which(tool)]
 needs_tools = pytest.mark.skipif(

@@ -1,25 +1,8 @@
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-REPOSITORY = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def measured() -> Callable[[str], Path]:
-    """The path of a measured file, or a skip that says where it was looked for."""
-    root = Path(os.environ.get("OHMWARD_DATA", REPOSITORY.parent / "shared" / "data"))
-
-    def find(name: str) -> Path:
-        path = root / name
-        if not path.exists():
-            pytest.skip(f"measured data not found: {path} (set OHMWARD_DATA to the folder that holds it)")
-        return path
-
-    return find
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from needs import measured_file
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note, examine, read_log
 from ohmward.logs.doctor import survey
@@ -128,17 +129,17 @@ def test_a_log_without_any_current_is_refused(healthy):
         examine(changed(healthy, current_A=np.full(600, np.nan)))
 
 
-def test_measured_pulse_test(measured):
+def test_measured_pulse_test():
     """ORNL HPPC: ten 30 A discharge pulses; its README says 0.01 A and 1 mV."""
-    found = survey(read_log(measured("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")))
+    found = survey(read_log(measured_file("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")))
     assert found.activity.pulses == 10
     assert found.current.resolution == pytest.approx(0.01, rel=1e-3)
     assert found.voltage.resolution == pytest.approx(0.001, rel=1e-3)
     assert found.sign.resistance_ohm == pytest.approx(1.6e-3, rel=0.1)
 
 
-def test_measured_lead_acid_offset(measured):
+def test_measured_lead_acid_offset():
     """BBOXX: its README gives a zero offset of +0.01 to +0.07 A, in a file where positive current discharges."""
-    activity = survey(read_log(measured("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))).activity
+    activity = survey(read_log(measured_file("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))).activity
     assert activity.rest_current_A is not None
     assert -0.07 < activity.rest_current_A < -0.005

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from needs import measured_file
 from ohmward.errors import InputError
 from ohmward.logs import read_drive
 
@@ -14,8 +15,8 @@ def texts(log):
     return " | ".join(map(str, log.notes))
 
 
-def test_an_omni_robot_with_numbered_motors(measured):
-    path = measured("robotino_slip_tpu/gray.parquet")
+def test_an_omni_robot_with_numbered_motors():
+    path = measured_file("robotino_slip_tpu/gray.parquet")
     with pytest.raises(InputError, match=r"several recordings.*--where exp="):
         read_drive(path, OMNI, 3)
     log = read_drive(path, OMNI, 3, gear_ratio=16.0, at_motor_shaft=True, where={"exp": 72}, extra=())
@@ -24,14 +25,14 @@ def test_an_omni_robot_with_numbered_motors(measured):
     assert "read as magnitudes" in texts(log)
 
 
-def test_a_car_with_the_speed_of_its_rims(measured):
-    log = read_drive(measured("comma2k19_example/wheel_speed.parquet"), FOUR, 2, radius_m=0.33)
+def test_a_car_with_the_speed_of_its_rims():
+    log = read_drive(measured_file("comma2k19_example/wheel_speed.parquet"), FOUR, 2, radius_m=0.33)
     assert 5.0 < 0.33 * np.median(log.wheel_speed_rad_s) < 40.0
     assert np.isnan(log.motor_current_A).all() and "assumed to be in m/s" in texts(log)
 
 
-def test_a_skid_steered_robot_with_one_speed_and_current_for_each_side(measured):
-    path = measured("borealtc_husky_subset/wheel_service.parquet")
+def test_a_skid_steered_robot_with_one_speed_and_current_for_each_side():
+    path = measured_file("borealtc_husky_subset/wheel_service.parquet")
     where: dict[str, float | str] = {"terrain": "ASPHALT", "run": 2}
     log = read_drive(path, FOUR, 4, radius_m=0.165, units={"wheel_speed": "m/s"}, where=where)
     assert np.array_equal(log.wheel_speed_rad_s[:, :2], log.wheel_speed_rad_s[:, 2:])
@@ -39,8 +40,8 @@ def test_a_skid_steered_robot_with_one_speed_and_current_for_each_side(measured)
     assert "shared evenly" in texts(log)
 
 
-def test_encoders_and_an_imu_by_their_names(measured):
-    path = measured("norlab_skidsteer/drive_warthog_windows.parquet")
+def test_encoders_and_an_imu_by_their_names():
+    path = measured_file("norlab_skidsteer/drive_warthog_windows.parquet")
     log = read_drive(path, FOUR, 4, columns={"time": "k"}, where={"window": 100})
     assert log.channels == ("yaw_rate_rad_s", "acceleration_m_s2")
     assert {"cmd_left", "icp_pitch"} <= set(log.extra)

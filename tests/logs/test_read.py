@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from needs import measured_file
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import FileHints, read_log
 from ohmward.logs.doctor import survey
@@ -303,9 +304,9 @@ def test_importing_logs_imports_numpy_only():
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_measured_lead_acid_telemetry(measured):
+def test_measured_lead_acid_telemetry():
     """Voltage and temperature on rows of their own, dates, late rows, positive current discharges."""
-    log = read_log(measured("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))
+    log = read_log(measured_file("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))
     assert len(log) == 5833
     assert log.start_unix_s == pytest.approx(1_490_425_206.9)
     assert log.temperature_degC is not None and np.isfinite(log.temperature_degC).all()
@@ -315,10 +316,10 @@ def test_measured_lead_acid_telemetry(measured):
 
 
 @pytest.mark.parametrize("script", [1, 3])
-def test_measured_lfp_charge_matches_the_cycler(measured, script):
+def test_measured_lfp_charge_matches_the_cycler(script):
     """The cycler's own Ah counters and the integral of the current differ by its gain error of 1.2 % at most."""
     where: dict[str, float | str] = {"temp_C": 25, "script": script}
-    log = read_log(measured("plett_a123_lfp/a123_dyn.parquet"), where=where)
+    log = read_log(measured_file("plett_a123_lfp/a123_dyn.parquet"), where=where)
     counted = np.ptp(log.extra["chg_Ah"]) - np.ptp(log.extra["dis_Ah"])
     throughput = np.ptp(log.extra["chg_Ah"]) + np.ptp(log.extra["dis_Ah"])
     assert abs(log.charge_Ah()[-1] - counted) < 0.012 * throughput

@@ -1,16 +1,11 @@
 """The live page in headless Chromium: moving numbers, a phone, the keyboard, and what axe and schemathesis find."""
 
-import shutil
 from collections import Counter
 
 import pytest
 from hypothesis import given, settings
 
 from onboard.page_server import TOKEN, dashboard_with, drive, filled_dashboard, served, stored
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
-playwright = pytest.importorskip("playwright.sync_api")
 
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
 
@@ -19,15 +14,6 @@ SIZES = {"desk": (1280, 900), "phone": (390, 844)}
 def page_address():
     with served() as address:
         yield address
-
-
-@pytest.fixture(scope="module")
-def browser():
-    arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(params=SIZES)

@@ -1,7 +1,6 @@
 """The page in headless Chromium: a million samples, detail on zoom, a phone, the keyboard, and what axe finds."""
 
 import os
-import shutil
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,22 +10,9 @@ import pytest
 
 from ohmward.report import TIME, Band, Figure, Page, Series, Span, WallClock
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
-playwright = pytest.importorskip("playwright.sync_api")
-
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
 #: The bar of the project for a page of a million samples.
 OPENED_WITHIN_S = 2.0
-
-
-@pytest.fixture(scope="module")
-def browser():
-    arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
+from needs import measured_file
 from ohmward.battery import identification
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
@@ -107,11 +105,7 @@ def low_rate_logs(p: Thevenin) -> tuple[Log, Log]:
 
 def measured(path: str, **how) -> Log:
     """A measured log; the test is skipped where it is not at hand."""
-    repository = Path(__file__).parents[3]
-    root = Path(os.environ.get("OHMWARD_DATA", repository.parent / "shared" / "data"))
-    if not (root / path).exists():
-        pytest.skip(f"measured data not found: {root / path} (set OHMWARD_DATA to the folder that holds it)")
-    return read_log(root / path, **how)
+    return read_log(measured_file(path), **how)
 
 
 def identify(*args: Any, **how: Any) -> Any:

@@ -1,12 +1,11 @@
 """Measured cells with start values for their chemistry, which nobody fitted to them: coarse bounds."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from needs import measured_file
 from ohmward.battery.chemistries import generic_battery, start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
@@ -14,16 +13,12 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.logs.log import Log
 
-REPOSITORY = Path(__file__).parents[3]
-
 
 def measured(name):
     """Columns of a measured Parquet file by name."""
     parquet = pytest.importorskip("pyarrow.parquet", reason="reading measured data needs pyarrow")
-    path = Path(os.environ.get("OHMWARD_DATA", REPOSITORY.parent / "shared" / "data")) / name
-    if not path.exists():
-        pytest.skip(f"measured data not found: {path} (set OHMWARD_DATA to the folder that holds it)")
-    return {key: np.array(values, dtype=float) for key, values in parquet.read_table(path).to_pydict().items()}
+    columns = parquet.read_table(measured_file(name)).to_pydict()
+    return {key: np.array(values, dtype=float) for key, values in columns.items()}
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])

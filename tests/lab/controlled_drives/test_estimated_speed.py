@@ -1,21 +1,17 @@
 """Slip control on an estimated speed, in MuJoCo: sensors as robots have them, friction taken for 0.5 by all."""
 
-import sys
 from functools import cache
-from importlib import import_module
 
 import numpy as np
 import pytest
 
-from markdown_pages import ROOT
 from ohmward.traction.control import SlipCommand, SlipController
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
 from ohmward_lab.traction.compared_slip_laws import SlipPid
+from scripts import script
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
-sys.path.insert(0, str(ROOT / "benchmarks"))
-loops = import_module("slip_loops")
-peers = import_module("slip_peers")
+loops, peers = script("slip_loops"), script("slip_peers")
 
 IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 
+from needs import measured_file
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
@@ -121,8 +119,4 @@ def lanes(runs: list[Truth]) -> SocSample:
 
 def measured_log(path: str, **options) -> Log:
     """A measured log, or a skipped test where the data is not there."""
-    repository = Path(__file__).parents[2]
-    root = Path(os.environ.get("OHMWARD_DATA", repository.parent / "shared" / "data"))
-    if not (root / path).exists():
-        pytest.skip(f"measured data not found: {root / path} (set OHMWARD_DATA to the folder that holds it)")
-    return read_log(root / path, **options)
+    return read_log(measured_file(path), **options)

@@ -1,14 +1,10 @@
 """The measured NMC cell beside the simulated pack of [T]: its tables, and the drive where the records are there."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from needs import DATA, measured_file
 from ohmward_lab.reproduce.measured import FOLDER, first_soc, gitt_voltage, nmc_item, ocv_table
-
-DATA = Path(os.environ.get("OHMWARD_DATA", Path(__file__).resolve().parents[2].parent / "shared" / "data"))
 
 
 def test_the_start_is_the_authors_and_full_where_they_give_none(tmp_path):
@@ -36,8 +32,7 @@ def test_on_a_real_cell_voltage_and_charge_part():
 
     Not the UKF: what becomes of it once it has lost the charge hangs on the last digits.
     """
-    if not (DATA / FOLDER).is_dir():
-        pytest.skip(f"{DATA / FOLDER} is absent; set OHMWARD_DATA to the folder of the measured data")
+    measured_file(FOLDER)
     rows = {row.quantity: row for row in nmc_item(DATA).make().rows}
     assert len(rows) == 16
     voltage, charge = rows["Voltage before the sample, EKF: mean"], rows["SoC, EKF: mean"]

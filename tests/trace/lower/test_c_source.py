@@ -2,7 +2,6 @@
 
 import ctypes
 import re
-import shutil
 import subprocess
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
+from needs import needs_gcc
 from ohmward.errors import InputError
 from ohmward.trace import clip, exp, maximum, minimum, single_precision, table, trace, where
 from ohmward.trace.lower.c_operations import constant_arrays, literal
@@ -23,7 +23,6 @@ pytest.importorskip("llvmlite")
 RNG = np.random.default_rng(3)
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-Werror", "-O2"]
 STRICT += ["-ffp-contract=off", "-fno-math-errno"]
-needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 
 
 def compiled(source, name, folder):
