@@ -40,9 +40,8 @@ def test_odometry(robot, tmp_path):
 
 @needs_gcc
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda r: r.name)
-def test_the_adaptive_unscented_observer(robot, tmp_path):
-    passes(observer_export(robot, ASPHALT, "aukf"), tmp_path)
+def test_the_adaptive_unscented_observer(tmp_path):
+    passes(observer_export(ROBOTINO, ASPHALT, "aukf"), tmp_path)
 
 
 def test_the_readme_asks_for_a_flag_where_the_controller_has_it():

@@ -135,8 +135,8 @@ def test_a_socket_of_the_abstract_namespace_is_found():
 def test_the_status_names_what_is_not_in_order():
     told = process()
     assert status(told) == "in order"
-    told.tell(Diagnostic("source can0", Level.ERROR, "no such bus"))
-    told.tell(Diagnostic("yaw_rate_rad_s", Level.STALE, "silent"))
+    told.report(Diagnostic("source can0", Level.ERROR, "no such bus"))
+    told.report(Diagnostic("yaw_rate_rad_s", Level.STALE, "silent"))
     assert status(told) == "source can0: no such bus, and 1 more"
 
 

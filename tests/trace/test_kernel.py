@@ -355,7 +355,7 @@ def without(monkeypatch, reason):
 
     monkeypatch.setattr(machine_code, "llvm", refused)
     monkeypatch.setattr(llvm_run, "compile_scan", refused)
-    code_cache.say_once.cache_clear()
+    code_cache.warn_once.cache_clear()
 
 
 @pytest.mark.parametrize(

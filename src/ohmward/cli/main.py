@@ -106,7 +106,7 @@ def _show_warning(message: Warning | str, *_where: object, **_more: object) -> N
     print(f"ohmward: note: {message}", file=sys.stderr)
 
 
-def _say_error(text: str) -> None:
+def _print_error(text: str) -> None:
     print(f"{styled('ohmward: error:', 'error', sys.stderr)} {text}", file=sys.stderr)
 
 
@@ -118,12 +118,12 @@ def _status(words: Sequence[str]) -> int:
         show(outcome, as_json=getattr(arguments, "json", False), detail=_detail(arguments))
         return outcome.status
     except OhmwardError as error:
-        _say_error(str(error))
+        _print_error(str(error))
         if options := getattr(error, "options", ()):
             print(f"ohmward: try: ohmward {shlex.join([*words, *options])}", file=sys.stderr)
         return REFUSED
     except MemoryError as error:
-        _say_error(f"out of memory ({error}); cut the log into parts, or free memory")
+        _print_error(f"out of memory ({error}); cut the log into parts, or free memory")
         return REFUSED
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -132,7 +132,7 @@ def _status(words: Sequence[str]) -> int:
         return BROKEN_PIPE
     except Exception as error:
         traceback.print_exc()
-        _say_error(
+        _print_error(
             f"this is a fault of ohmward, not of your input ({type(error).__name__}: {error}); please report the lines "
             "above with the command and, if you can, the file"
         )

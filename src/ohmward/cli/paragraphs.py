@@ -54,7 +54,7 @@ def assumptions(notes: Sequence[str], detail: Detail) -> str:
         return bullets("Assumed", [note.removeprefix("info: ") for note in notes])
     warnings = [note.removeprefix("warning: ") for note in notes if note.startswith("warning: ")]
     rest = len(notes) - len(warnings)
-    more = f"Assumed {rest} thing{'s' if rest > 1 else ''} that the input tells or leaves open; -v lists them."
+    more = f"Assumed {rest} thing{'s' if rest > 1 else ''} that the input contains or leaves open; -v lists them."
     return paragraphs(
         bullets("Warnings", warnings, "warning"), textwrap.fill(more, width()) if rest and detail == "usual" else ""
     )

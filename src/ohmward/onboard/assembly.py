@@ -83,7 +83,7 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
     for signal, fault in wiring_faults(setup, estimation.robot):
         if setup.strict:
             raise InputError(f"{signal}: {fault}")
-        process.tell(Diagnostic(f"wiring of {signal}", Level.ERROR, fault))
+        process.report(Diagnostic(f"wiring of {signal}", Level.ERROR, fault))
     return process
 
 

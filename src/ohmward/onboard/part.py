@@ -106,22 +106,22 @@ class EndedError(OhmwardError):
 
 
 async def keep_running(
-    name: str, run: Callable[[], Awaitable[None]], tell: Callable[[Diagnostic], None], wait_s: float = FIRST_WAIT_S
+    name: str, run: Callable[[], Awaitable[None]], report: Callable[[Diagnostic], None], wait_s: float = FIRST_WAIT_S
 ) -> None:
     """Run a source or sink, and restart it with growing waits whenever it ends; return on `EndedError`.
 
-    name: name of the diagnostics.  tell: receives them.
+    name: name of the diagnostics.  report: receives them.
     """
     loop = asyncio.get_running_loop()
     longest_s, first_s = LONGEST_WAIT_S, wait_s
     while True:
-        tell(Diagnostic(name, Level.OK, "running"))
+        report(Diagnostic(name, Level.OK, "running"))
         began_s = loop.time()
         try:
             await run()
             reason = "ended"
         except EndedError as end:
-            tell(Diagnostic(name, Level.OK, str(end)))
+            report(Diagnostic(name, Level.OK, str(end)))
             return
         except OhmwardError as error:
             reason = str(error)
@@ -129,7 +129,7 @@ async def keep_running(
             LOG.exception("%s: unexpected error", name)
             reason = f"unexpected {type(error).__name__}: {error}"
         wait_s = first_s if loop.time() - began_s > longest_s else wait_s
-        tell(Diagnostic(name, Level.ERROR, reason, {"again_in_s": wait_s}))
+        report(Diagnostic(name, Level.ERROR, reason, {"again_in_s": wait_s}))
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, longest_s)
 

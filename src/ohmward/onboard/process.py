@@ -209,7 +209,7 @@ class Process:
         except Exception as error:
             self.faults[source] += 1
             LOG.exception("estimation: unexpected error")
-            self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
+            self.report(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
 
     def _watched(self, arrival: Arrival) -> dict[str, float]:
         """Values of a message that may be used, with nan for invalid ones."""
@@ -222,7 +222,7 @@ class Process:
             self.watch.clock_was_set(message.source, message.received_s)
         return values
 
-    def tell(self, diagnostic: Diagnostic) -> None:
+    def report(self, diagnostic: Diagnostic) -> None:
         """Record a condition; every state carries the latest one of each name. A new one is logged."""
         before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
@@ -264,7 +264,7 @@ class Process:
 
     def _begin(self, name: str, run: Callable[[], Awaitable[None]]) -> asyncio.Task[None]:
         """Start a part, and restart it whenever it ends."""
-        return asyncio.create_task(keep_running(name, run, self.tell))
+        return asyncio.create_task(keep_running(name, run, self.report))
 
     async def _look(self) -> None:
         while True:
@@ -278,14 +278,14 @@ class Process:
             if pose and int(pose.flags) & OdometryFlag.NO_GYRO:
                 self.watch.take_contradiction("yaw_rate_rad_s")
             for diagnostic in self.watch.look(self.now_s()):
-                self.tell(diagnostic)
+                self.report(diagnostic)
             for sink, feed in self.sinks:
-                self.tell(_delivery(sink.name, feed))
+                self.report(_delivery(sink.name, feed))
             if inbox := self.estimation.inbox:
                 self._late, late = inbox.left_out, inbox.left_out - self._late
-                self.tell(_lateness(late, inbox.left_out))
+                self.report(_lateness(late, inbox.left_out))
             if charge := self.estimation.state.battery:
-                self.tell(_fit(charge))
+                self.report(_fit(charge))
             if self.clock.now_s() - self._passed_s > IDLE_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 

@@ -270,7 +270,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
     """Run sources and sinks for `seconds`, or until every source has ended; return the worst condition of each."""
     found_live: dict[str, Diagnostic] = {}
 
-    def tell(diagnostic: Diagnostic) -> None:
+    def report(diagnostic: Diagnostic) -> None:
         worst = found_live.get(diagnostic.name)
         if worst is None or diagnostic.level >= worst.level:
             found_live[diagnostic.name] = diagnostic
@@ -286,9 +286,9 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
     trials = {
         sink.name: sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed()) for sink in driving
     }
-    sinks = [asyncio.create_task(keep_running(f"sink {name}", run, tell)) for name, run in trials.items()]
+    sinks = [asyncio.create_task(keep_running(f"sink {name}", run, report)) for name, run in trials.items()]
     sources = [
-        asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, put), tell))
+        asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, put), report))
         for source in simulated
     ]
     if not all(map(is_live, simulated)):

@@ -31,7 +31,7 @@ class Columns:
     def __init__(self) -> None:
         self.packed: list[dict[str, Any]] = []
         self._numbers: dict[tuple[int, float], int] = {}
-        self._kept: list[np.ndarray] = []
+        self._arrays: list[np.ndarray] = []  # alive, so that no later one has the identity of an earlier one
 
     def x(self, x: np.ndarray, x_axis: XAxis) -> int:
         """Number of the column of ascending x (n,) on its axis; equal x become distinct."""
@@ -45,7 +45,7 @@ class Columns:
         key = (id(values), kind)
         if key not in self._numbers:
             self._numbers[key] = len(self.packed)
-            self._kept.append(values)
+            self._arrays.append(values)
             self.packed.append(pack())
         return self._numbers[key]
 

@@ -11,7 +11,15 @@ from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import scan
 from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
-from ohmward.trace.lower import code_cache, kept_steps, lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
+from ohmward.trace.lower import (
+    code_cache,
+    lanes,
+    llvm_logs,
+    llvm_machine_code,
+    numpy_source,
+    python_source,
+    stored_steps,
+)
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import check, flatten, leaves, size
@@ -57,8 +65,8 @@ class Kernel:
         self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
         require_one_of("lowering", self.lowering, LOWERINGS)
         self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
-        self._key = None if self.lowering == "python" else kept_steps.key_of(function, examples, constants)
-        self._at_hand = kept_steps.is_kept(self._key)  # its machine code needs no compilation
+        self._key = None if self.lowering == "python" else stored_steps.key_of(function, examples, constants)
+        self._at_hand = stored_steps.is_stored(self._key)  # its machine code needs no compilation
         if not self._at_hand:
             _ = self.program  # errors in the function surface here
 
@@ -172,7 +180,7 @@ class Kernel:
         """The step in machine code for one log and for live samples, from the disk if it is stored there."""
         if self._key is None:
             return self.machine
-        step = kept_steps.kept_step(self._key, lambda: self.machine)
+        step = stored_steps.stored_step(self._key, lambda: self.machine)
         self._at_hand = True
         for traced in ("program", "machine"):  # a process that runs for months does not hold the trace
             self.__dict__.pop(traced, None)
@@ -187,7 +195,7 @@ class Kernel:
         except llvm_machine_code.NoMachineCodeError as error:
             if self.lowering == "machine":
                 raise
-            code_cache.say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
+            code_cache.warn_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
             return otherwise()
 
     def _steps(self, samples: Any) -> tuple[int, int]:

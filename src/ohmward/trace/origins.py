@@ -54,7 +54,7 @@ class OriginRecorder:
 
     def __init__(self) -> None:
         self._names: dict[int, tuple[int, str]] = {}
-        self._carried: dict[int, int] = {}  # serial of a value -> of the one that it replaces
+        self._replaced: dict[int, int] = {}  # serial of a value -> of the one that it replaces
         self._parts: dict[int, int] = {}  # serial of a value -> of the one that it is a part of
         self._serials: list[int] = [-1]  # where the current function changes
         self._functions: list[Origin | None] = [None]  # current function from there on
@@ -74,7 +74,7 @@ class OriginRecorder:
         """Give `new`, made in place of `old` after serial `since`, the name and function of `old`."""
         if isinstance(new, Expression) and new.serial > since:
             source = self._source(old.serial)
-            self._carried[new.serial] = source
+            self._replaced[new.serial] = source
             self._parts |= dict.fromkeys(range(since + 1, new.serial), source)
 
     def name(self, serial: int) -> str:
@@ -90,7 +90,7 @@ class OriginRecorder:
         return self._functions[bisect_right(self._serials, self.place(serial)) - 1]
 
     def _source(self, serial: int) -> int:
-        return self._carried.get(serial, serial)
+        return self._replaced.get(serial, serial)
 
     def _event(self, frame: FrameType, event: str, _: Any) -> None:
         if event not in ("call", "return") or not _counts(frame.f_code):

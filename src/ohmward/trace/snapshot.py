@@ -100,7 +100,7 @@ def identity(estimator: Any) -> str:
     The latest results are cached: a process on a robot takes snapshots between two samples.
     """
     try:
-        return _kept_identity(estimator)
+        return _cached_identity(estimator)
     except TypeError:  # settings that hold a list or an array have no hash
         return _identity(estimator)
 
@@ -110,7 +110,7 @@ def _identity(estimator: Any) -> str:
     return f"{type(estimator).__name__}-{sha256(settings.encode()).hexdigest()[:16]}"
 
 
-_kept_identity = lru_cache(maxsize=32)(_identity)
+_cached_identity = lru_cache(maxsize=32)(_identity)
 
 
 def to_json(value: float) -> float | None:

@@ -18,7 +18,7 @@ from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.process import Process
 from ohmward.onboard.ros import types
-from ohmward.onboard.sinks.ros2 import KEPT, Ros2Sink
+from ohmward.onboard.sinks.ros2 import NEWEST, Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source, wheel_of
 from onboard.servers import free_port
 
@@ -100,7 +100,7 @@ def test_after_an_absence_of_the_network_come_the_newest_states_alone(router):
         await sink.run(feed)
         return (await asyncio.to_thread(process.communicate))[0].splitlines()
 
-    assert [json.loads(line)[0] for line in asyncio.run(deliver())] == list(range(1, KEPT + 1))
+    assert [json.loads(line)[0] for line in asyncio.run(deliver())] == list(range(1, NEWEST + 1))
 
 
 def test_the_source_hears_another_process_and_the_estimate_follows(router):

@@ -51,7 +51,7 @@ def test_a_folder_that_cannot_be_written_is_said_once(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
     monkeypatch.setenv("OHMWARD_CACHE", str(blocked))
-    code_cache.say_once.cache_clear()
+    code_cache.warn_once.cache_clear()
     with pytest.warns(RuntimeWarning, match="OHMWARD_CACHE"):
         assert counted(KEY)[1]
     assert counted(KEY)[1]  # a second warning would be an error here
@@ -134,7 +134,7 @@ def test_a_folder_that_is_a_link_is_not_used(cache, tmp_path):
 
 def unsafe(key, warned):
     """As `counted`, with the warning that nothing is kept."""
-    code_cache.say_once.cache_clear()
+    code_cache.warn_once.cache_clear()
     if not warned:
         return counted(key)
     with pytest.warns(RuntimeWarning, match="OHMWARD_CACHE"):

@@ -18,8 +18,7 @@ from ohmward.traction.motion.outside_speed import (
 )
 from ohmward.traction.motion.sample import no_sample, sanitize
 from ohmward.traction.odometry.pose_filter import pose_filter
-from traction.odometry.examples import DT_S, integrate, samples
-from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, scan
+from traction.odometry.examples import DT_S, INDOOR, TRACK_M, integrate, samples, scan
 
 USUAL_M_S, STEP_S = 0.1, 0.05
 

@@ -1,18 +1,29 @@
 """Drives whose pose is known: robots drawn from the noise that the filter claims."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.traction import RLMA
+from kernels import kernel_of
+from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.odometry.model import SCRUBBING, OdometryNoise
-from ohmward.traction.odometry.pose_filter import PoseFilter
-from ohmward.traction.odometry.sample import Observed, OdometrySample
+from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState
+from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometrySample
 from ohmward.traction.robot.packaged import load_robot
 
 DT_S = 0.02
 NOISE = OdometryNoise()
+TRACK_M = 0.35
+INDOOR = Robot("indoor", 15.0, 0.6, TwoWheeled(0.03, TRACK_M, (-0.2,)), Wheel(0.08, 0.03, 2e-3), Motor(0.03, 1.0))
+
+
+def scan(settings: PoseFilter, given) -> tuple[PoseState, OdometryEstimate]:
+    """State at the end, and estimates (T, ...)."""
+    nothing = settings.no_sample()
+    start = settings.init(nothing)
+    return kernel_of(settings, start, nothing).scan(start, given)
 
 
 class Drive(NamedTuple):
@@ -103,3 +114,44 @@ def one_side_spins(side, outside, rng):
     sensors = {"yaw_rate_rad_s": turn + 0.002 * rng.standard_normal(1500), **({"speed_m_s": gnss} if outside else {})}
     given = samples(settings, wheel_speed_rad_s=speeds / robot.wheel.radius_m, **sensors)
     return settings, given, ramp > 0.0
+
+
+class StopAndGo(NamedTuple):
+    """Speeds of the wheels (T, 2) by their counts, the gyro (T,), the true pose (T, 3), and the gyro's offset."""
+
+    wheel_speed_rad_s: np.ndarray
+    gyro_rad_s: np.ndarray
+    pose: np.ndarray
+    offset_rad_s: float
+
+
+def stop_and_go(seed: int, counts: int, late_s: float = 0.0, every: int = 1, seconds: float = 120.0) -> StopAndGo:
+    """A robot that drives, turns on the spot and rests in turn, on floors that change its slip and its track."""
+    rng = np.random.default_rng(seed)
+    steps, start = round(seconds / DT_S), round(3.0 / DT_S)
+    wanted = np.zeros((steps, 2))
+    while start < steps:
+        end = start + round(rng.uniform(2.0, 8.0) / DT_S)
+        kinds = (rng.uniform(0.3, 0.9), 0.0), (rng.uniform(0.3, 0.8), rng.uniform(-0.6, 0.6)), (0.0, rng.uniform(-1, 1))
+        wanted[start:end] = (*kinds, (0.0, 0.0))[rng.integers(4)]
+        start = end
+    most, motion = np.array([0.5, 1.5]) * DT_S, np.zeros((steps, 2))
+    for k in range(1, steps):
+        motion[k] = motion[k - 1] + np.clip(wanted[k] - motion[k - 1], -most, most)
+    v, w = motion.T
+    pose = integrate(v, np.zeros(steps), w)
+    patch = (np.cumsum(np.abs(v)) * DT_S // rng.uniform(3.0, 8.0)).astype(int)
+    slip, turned = (share * rng.standard_normal(patch.max() + 1)[patch] for share in (0.003, 0.02))
+    radii = 1.0 + 0.005 * rng.standard_normal() + 0.0006 * rng.standard_normal(2)
+    half_m = TRACK_M / 2
+    rims = np.column_stack([v - half_m * w * (1 + turned), v + half_m * w * (1 + turned)]) * (1 + slip)[:, None]
+    count = 2 * math.pi / counts
+    angles = np.cumsum(rims / radii * DT_S, axis=0) / INDOOR.wheel.radius_m
+    angles = count * np.floor(angles / count + rng.random(2))[every - 1 :: every]
+    time_s = DT_S * np.arange(steps)
+    yaw = np.interp(time_s - late_s, time_s, pose[:, 2])[every - 1 :: every]
+    step_s = every * DT_S
+    offset = 0.01 * rng.choice([-1.0, 1.0])
+    gyro = np.diff(yaw, prepend=0.0) / step_s * (1 + 0.01 * rng.standard_normal()) + offset
+    gyro += 0.002 * rng.standard_normal(len(gyro))
+    return StopAndGo(np.diff(angles, axis=0, prepend=angles[:1]) / step_s, gyro, pose[every - 1 :: every], offset)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from numpy.testing import assert_allclose
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
+from ohmward.traction import RLMA
 from ohmward.traction.odometry.corrections import COMPARED_S
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.odometry.measured_motion import turn_per_slip, turn_std
@@ -27,64 +26,12 @@ from ohmward.traction.odometry.model import (
     TURN_SCALE,
     OdometryNoise,
 )
-from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
-from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
-from traction.odometry.examples import DT_S, integrate, samples
+from traction.odometry.examples import DT_S, INDOOR, TRACK_M, integrate, samples, scan, stop_and_go
 
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
-TRACK_M = 0.35
-INDOOR = Robot("indoor", 15.0, 0.6, TwoWheeled(0.03, TRACK_M, (-0.2,)), Wheel(0.08, 0.03, 2e-3), Motor(0.03, 1.0))
-_KERNELS: dict[PoseFilter, Kernel] = {}
-
-
-def scan(settings: PoseFilter, given) -> tuple[PoseState, OdometryEstimate]:
-    """State at the end, and estimates (T, ...)."""
-    nothing = settings.no_sample()
-    if settings not in _KERNELS:
-        _KERNELS[settings] = Kernel(settings.step, settings.init(nothing), nothing)
-    return _KERNELS[settings].scan(settings.init(nothing), given)
-
-
-class StopAndGo(NamedTuple):
-    """Speeds of the wheels (T, 2) by their counts, the gyro (T,), the true pose (T, 3), and the gyro's offset."""
-
-    wheel_speed_rad_s: np.ndarray
-    gyro_rad_s: np.ndarray
-    pose: np.ndarray
-    offset_rad_s: float
-
-
-def stop_and_go(seed: int, counts: int, late_s: float = 0.0, every: int = 1, seconds: float = 120.0) -> StopAndGo:
-    """A robot that drives, turns on the spot and rests in turn, on floors that change its slip and its track."""
-    rng = np.random.default_rng(seed)
-    steps, start = round(seconds / DT_S), round(3.0 / DT_S)
-    wanted = np.zeros((steps, 2))
-    while start < steps:
-        end = start + round(rng.uniform(2.0, 8.0) / DT_S)
-        kinds = (rng.uniform(0.3, 0.9), 0.0), (rng.uniform(0.3, 0.8), rng.uniform(-0.6, 0.6)), (0.0, rng.uniform(-1, 1))
-        wanted[start:end] = (*kinds, (0.0, 0.0))[rng.integers(4)]
-        start = end
-    most, motion = np.array([0.5, 1.5]) * DT_S, np.zeros((steps, 2))
-    for k in range(1, steps):
-        motion[k] = motion[k - 1] + np.clip(wanted[k] - motion[k - 1], -most, most)
-    v, w = motion.T
-    pose = integrate(v, np.zeros(steps), w)
-    patch = (np.cumsum(np.abs(v)) * DT_S // rng.uniform(3.0, 8.0)).astype(int)
-    slip, turned = (share * rng.standard_normal(patch.max() + 1)[patch] for share in (0.003, 0.02))
-    radii = 1.0 + 0.005 * rng.standard_normal() + 0.0006 * rng.standard_normal(2)
-    half_m = TRACK_M / 2
-    rims = np.column_stack([v - half_m * w * (1 + turned), v + half_m * w * (1 + turned)]) * (1 + slip)[:, None]
-    count = 2 * math.pi / counts
-    angles = np.cumsum(rims / radii * DT_S, axis=0) / INDOOR.wheel.radius_m
-    angles = count * np.floor(angles / count + rng.random(2))[every - 1 :: every]
-    time_s = DT_S * np.arange(steps)
-    yaw = np.interp(time_s - late_s, time_s, pose[:, 2])[every - 1 :: every]
-    step_s = every * DT_S
-    offset = 0.01 * rng.choice([-1.0, 1.0])
-    gyro = np.diff(yaw, prepend=0.0) / step_s * (1 + 0.01 * rng.standard_normal()) + offset
-    gyro += 0.002 * rng.standard_normal(len(gyro))
-    return StopAndGo(np.diff(angles, axis=0, prepend=angles[:1]) / step_s, gyro, pose[every - 1 :: every], offset)
 
 
 @pytest.mark.parametrize(

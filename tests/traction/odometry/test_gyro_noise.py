@@ -54,7 +54,7 @@ def test_a_bad_gyro_leaves_the_yaw_to_the_wheels():
     errors, nees = [], []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        odometry, wheel = Odometry(RLMA, "python"), 1.0 / RLMA.wheel.radius_m
+        odometry, wheel = Odometry(RLMA), 1.0 / RLMA.wheel.radius_m
         for i in range(2000):
             e = odometry.update(DT_S * i, [wheel, wheel], 0.3 * rng.standard_normal())
         errors.append(e.yaw_rad)

@@ -34,8 +34,7 @@ from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY
-from traction.odometry.examples import DT_S, one_side_spins, samples
-from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, stop_and_go
+from traction.odometry.examples import DT_S, INDOOR, TRACK_M, one_side_spins, samples, stop_and_go
 
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 NOISE = OdometryNoise(turn_share=0.0, gyro_delay_std_s=0.0, wheels_ahead_std_s=0.0)

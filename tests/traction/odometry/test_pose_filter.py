@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from ohmward.errors import InputError
 from ohmward.filters.consistency import mean_bounds
 from ohmward.filters.estimator import rows_of
-from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.corrections import COMPARED_S, HEADING_WAIT
 from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
@@ -18,7 +17,7 @@ from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
-from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
+from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples, scan
 
 FREE = (
     "encoder_std_rad",
@@ -30,15 +29,11 @@ FREE = (
 )
 EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
-KERNELS: dict[PoseFilter, Kernel] = {}
 
 
 def run(settings, given):
     """Estimates (T, ...)."""
-    if settings not in KERNELS:
-        nothing = settings.no_sample()
-        KERNELS[settings] = Kernel(settings.step, settings.init(nothing), nothing)
-    return KERNELS[settings].scan(settings.init(settings.no_sample()), given)[1]
+    return scan(settings, given)[1]
 
 
 def rolling(v, w, steps):

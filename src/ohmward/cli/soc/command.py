@@ -119,8 +119,8 @@ def describe(f: Mapping[str, Any]) -> str:
     """
     causes = [f"{points} points: {text} -> {remedy}" for text, points, _, remedy in cause_rows(f)]
     anchors = [
-        f"{kind} after {after} ({by}): {tells}, estimated {estimated}"
-        for kind, after, by, tells, estimated in anchor_rows(f)
+        f"{kind} after {after} ({by}): {given}, estimated {estimated}"
+        for kind, after, by, given, estimated in anchor_rows(f)
     ]
     cells = f["cells"]
     drifting = [warning["text"] for warning in cells["warnings"]] if cells else []
@@ -246,7 +246,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
     }
     page = page.numbers(wording.known_rows(numbers)).plot(*_plots(task, answer), clock=clock)
     if f["anchors"]:
-        header = ("Event", "After", "Told by", "It tells", "Estimate before it")
+        header = ("Event", "After", "Source", "State of charge given", "Estimate before it")
         page = page.heading(_ANCHORS).table(header, anchor_rows(f))
     if cells:
         page = page.heading("Cells")

@@ -12,7 +12,7 @@ from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.robot_state import RobotState
 
 #: Number of stop commands that the loop sends at its end.
-_LAST_WORDS = 3
+_LAST_COMMANDS = 3
 
 #: Time without an accepted command after which the drives count as gone [s].
 _GONE_S = 1.0
@@ -66,7 +66,7 @@ class ControlLoop(threading.Thread):
                     return
             next_s = max(next_s + self.step_s, time.monotonic())
             self._end.wait(next_s - time.monotonic())
-        self._say_stop()
+        self._send_stop()
 
     def end(self) -> None:
         """Stop the robot and end the loop."""
@@ -79,9 +79,9 @@ class ControlLoop(threading.Thread):
         if self.error is not None or not self.is_alive():
             raise OhmwardError(f"the drives take no command ({self.error}); is the bus up?") from self.error
 
-    def _say_stop(self) -> None:
+    def _send_stop(self) -> None:
         self.control.stop("the process ends")
-        for _ in range(_LAST_WORDS):
+        for _ in range(_LAST_COMMANDS):
             self.output = self.control.step(time.monotonic(), None, None)
             try:
                 self.send(self.control.numbers(self.output))

@@ -234,15 +234,15 @@ def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
 
     async def login(request: Any) -> Any:
         if request.method == "GET":
-            return responses.HTMLResponse(form.replace("$said", ""))
+            return responses.HTMLResponse(form.replace("$reason", ""))
         try:
             body = await asyncio.wait_for(_first_bytes(request), REQUEST_S)
         except TimeoutError:
-            return responses.HTMLResponse(form.replace("$said", "The token did not come."), status_code=408)
+            return responses.HTMLResponse(form.replace("$reason", "The token did not come."), status_code=408)
         (given,) = parse_qs(body.decode("latin-1")).get("token", [""])[:1]
         if not hmac.compare_digest(given.encode(), token.encode()):
             await asyncio.sleep(WRONG_TOKEN_S)
-            return responses.HTMLResponse(form.replace("$said", "That is not the token."), status_code=401)
+            return responses.HTMLResponse(form.replace("$reason", "That is not the token."), status_code=401)
         answer = responses.RedirectResponse("/", status_code=303)
         secure = request.url.scheme == "https"
         answer.set_cookie(_COOKIE, _ticket(token).decode(), httponly=True, samesite="strict", secure=secure)

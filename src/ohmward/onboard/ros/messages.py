@@ -204,7 +204,7 @@ def _stale(estimate: str, sensors: str, age_s: float, known: Sequence[Diagnostic
 
     known: the estimate, if it is still known in part.
     """
-    said = " ".join(condition.message for condition in known) or "unknown"
-    message = f"{said}: the sensors of the {sensors} are silent; look at them, their wires and their driver"
+    causes = " ".join(condition.message for condition in known) or "unknown"
+    message = f"{causes}: the sensors of the {sensors} are silent; look at them, their wires and their driver"
     values = {key: value for condition in known for key, value in condition.values.items()}
     return Diagnostic(estimate, Level.STALE, message, {**values, "age_s": age_s})

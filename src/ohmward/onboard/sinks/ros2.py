@@ -23,7 +23,7 @@ from ohmward.quantities import names_of
 
 #: Most states that waited for the network to be sent once it is there, as a writer keeps that many: readers of poses
 #: and speeds want current ones.
-KEPT = 10
+NEWEST = 10
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Ros2Sink(RosNetwork):
         translation = Translation(self, battery)
         for topic, type_ in self.advertised():
             await asyncio.to_thread(transport.advertise, topic, type_)
-        feed.put_back((await feed.batch())[-KEPT:])
+        feed.put_back((await feed.batch())[-NEWEST:])
         async for state in feed:
             transport.check()
             for topic, type_, payload in translation.messages(state):

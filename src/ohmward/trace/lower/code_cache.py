@@ -179,13 +179,13 @@ def _warn(error: OSError) -> None:
         place = f"in {folder()}"
     except OSError:
         place = "for this user"
-    say_once(
+    warn_once(
         f"compiled programs cannot be kept {place} ({error.strerror}); name a folder of your own, that nobody else may "
         "write to, in OHMWARD_CACHE; until then every start compiles again"
     )
 
 
 @cache
-def say_once(what: str) -> None:
+def warn_once(what: str) -> None:
     """Warn, but only once in a process with the same text."""
     warnings.warn(what, RuntimeWarning, stacklevel=2)

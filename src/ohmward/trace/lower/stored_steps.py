@@ -73,12 +73,12 @@ def _content(tree: Any) -> bytes:
     return file.getvalue()
 
 
-def is_kept(key: str | None) -> bool:
+def is_stored(key: str | None) -> bool:
     """True where the step of a key is on disk."""
     return key is not None and is_cached(key)
 
 
-def kept_step(key: str, make: Callable[[], MachineStep]) -> MachineStep:
+def stored_step(key: str, make: Callable[[], MachineStep]) -> MachineStep:
     """The step of a key, for one log and for live samples; `make` is called if it is not on disk.
 
     Raises:

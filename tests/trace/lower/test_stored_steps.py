@@ -15,7 +15,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
 from ohmward.trace import Kernel
 from ohmward.trace.lower import llvm_logs, reach
-from ohmward.trace.lower.kept_steps import key_of
+from ohmward.trace.lower.stored_steps import key_of
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
@@ -53,7 +53,7 @@ LOG = Log("short", *np.array(CASES["charge"][1]).T)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_kept_step_is_the_traced_one_to_the_bit_and_is_not_traced_again(name):
+def test_a_stored_step_is_the_traced_one_to_the_bit_and_is_not_traced_again(name):
     make, samples = CASES[name]
     traced, keeper = new(make, kept=False), new(make)
     expected = [traced.update(*sample) for sample in samples]
@@ -66,7 +66,7 @@ def test_a_kept_step_is_the_traced_one_to_the_bit_and_is_not_traced_again(name):
     assert not is_traced(kept)
 
 
-def test_a_short_log_takes_the_kept_step_too():
+def test_a_short_log_takes_the_stored_step_too():
     make, samples = CASES["charge"]
     live = new(make)
     expected = [live.update(*sample).soc for sample in samples]
@@ -122,13 +122,13 @@ def test_functions_of_others_in_the_place_of_ours_are_not_kept(monkeypatch):
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
 
 
-def test_nothing_is_kept_of_a_file_that_was_edited_meanwhile(monkeypatch):
+def test_nothing_is_stored_of_a_file_that_was_edited_meanwhile(monkeypatch):
     monkeypatch.setattr(reach, "_STARTED_UNIX_S", 0.0)
     reach._file_digest.cache_clear()
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
 
 
-def test_nothing_is_kept_of_a_module_without_a_file(monkeypatch):
+def test_nothing_is_stored_of_a_module_without_a_file(monkeypatch):
     monkeypatch.setattr(thevenin_filter, "__file__", "/nowhere/package.zip/thevenin_filter.py")
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
 
