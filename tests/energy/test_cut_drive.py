@@ -1,10 +1,31 @@
+"""Stretches of a recorded drive, and of one as it goes on: the same, and nothing lost in between."""
+
 import numpy as np
 import pytest
 
-from ohmward.energy.cut_drive import Cut, cut_drive
+from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance, cut_drive
 from ohmward.errors import InputError
 
 T = np.arange(0.0, 301.0)
+
+
+def metered(speed, power, terrain="grass", grade=None, time_s=T, cut=None):
+    """Stretches and energies of a drive, and the meter at its end."""
+    meter, found = DriveMeter(), []
+    grade = np.zeros(len(time_s)) if grade is None else grade
+    names = [terrain] * len(time_s) if isinstance(terrain, str) else terrain
+    for row in zip(time_s.tolist(), speed.tolist(), power.tolist(), grade.tolist(), names, strict=True):
+        meter, finished = advance(meter, DriveSample(*row), cut or Cut())
+        found += finished
+    end = DriveSample(float(time_s[-1]) + 1e6, 0.0, 0.0, 0.0, "")
+    return found + advance(meter, end, cut or Cut())[1]
+
+
+def recorded(speed, power, grade=None):
+    return cut_drive(T, speed, power, "grass", grade)
+
+
+both = pytest.mark.parametrize("cut", [recorded, metered])
 
 
 def test_a_drive_on_two_terrains_with_a_stop():
@@ -22,23 +43,26 @@ def test_a_drive_on_two_terrains_with_a_stop():
     assert max(d.stretch.time_s for d in found) <= 180.0
 
 
-def test_short_stops_belong_to_the_drive():
+@both
+def test_short_stops_belong_to_the_drive(cut):
     speed = np.where((T > 50) & (T < 54), 0.0, 0.5)
-    found = cut_drive(T, speed, np.full(301, 20.0), "grass")
+    found = cut(speed, np.full(301, 20.0))
     assert all(d.stretch.terrain for d in found)
     assert sum(d.stretch.standing_s for d in found) == 2.0
 
 
-def test_heights_of_a_hill_without_the_noise_of_the_pitch():
+@both
+def test_heights_of_a_hill_without_the_noise_of_the_pitch(cut):
     noise = 0.03 * np.random.default_rng(0).standard_normal(301)
     grade = np.where(T < 150, 0.1, -0.05) + noise
-    found = cut_drive(T, np.full(301, 0.5), np.full(301, 20.0), "grass", grade)
+    found = cut(np.full(301, 0.5), np.full(301, 20.0), grade=grade)
     assert sum(d.stretch.climb_m for d in found) == pytest.approx(7.5 * np.sin(0.1) * 10, rel=0.08)
     assert sum(d.stretch.descent_m for d in found) == pytest.approx(7.5 * np.sin(0.05) * 10, rel=0.15)
 
 
-def test_backward_up_a_hill_the_nose_is_down():
-    found = cut_drive(T, np.full(301, -0.5), np.full(301, 20.0), "grass", np.full(301, -0.1))
+@both
+def test_backward_up_a_hill_the_nose_is_down(cut):
+    found = cut(np.full(301, -0.5), np.full(301, 20.0), grade=np.full(301, -0.1))
     assert sum(d.stretch.climb_m for d in found) == pytest.approx(150.0 * np.sin(0.1))
     assert sum(d.stretch.distance_m for d in found) == pytest.approx(150.0)
 
@@ -76,3 +100,29 @@ def test_what_is_refused(arguments, message):
 def test_impossible_cuts():
     with pytest.raises(InputError, match=r"cut\.longest_s must be > 0"):
         Cut(longest_s=0.0)
+
+
+def test_a_drive_on_two_terrains_with_a_stop_is_that_of_the_recorded_one():
+    speed = np.where(T < 100, 0.5, np.where(T < 160, 0.0, 0.8))
+    power = np.where(speed > 0, 30.0, 8.0)
+    terrain = np.where(T < 200, "grass", "gravel").tolist()
+    found = metered(speed, power, terrain)
+    assert [m.stretch.terrain for m in found] == ["grass", "", "grass", "gravel"]
+    for m, d in zip(found, cut_drive(T, speed, power, terrain), strict=True):
+        assert m.stretch == pytest.approx(d.stretch)
+        assert m.energy_J == pytest.approx(d.energy_J)
+
+
+def test_a_long_stand_is_cut_too():
+    found = metered(0.0 * T, np.full(301, 8.0))
+    assert [m.stretch.terrain for m in found] == ["", ""]
+    assert sum(m.energy_J for m in found) == pytest.approx(8.0 * 300.0)
+
+
+def test_what_was_not_measured_is_left_out():
+    power = np.full(301, 20.0)
+    power[100:150] = np.nan
+    found = metered(np.full(301, 0.5), power)
+    assert [m.stretch.time_s for m in found] == [99.0, 150.0]
+    gap = np.delete(T, slice(100, 150))
+    assert [m.stretch.time_s for m in metered(np.full(251, 0.5), np.full(251, 20.0), time_s=gap)] == [99.0, 150.0]
