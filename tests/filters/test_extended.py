@@ -3,9 +3,9 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 from scipy.optimize import minimize
 
-from filters.examples import DT_S, PENDULUM, PENDULUM_Q, PENDULUM_R, height, largest_difference, pendulum, random_linear
+from filters.examples import DT_S, PENDULUM, PENDULUM_Q, PENDULUM_R, height, largest_difference, pendulum
 from ohmward.errors import InputError
-from ohmward.filters import extended, kalman
+from ohmward.filters import extended
 
 
 def pendulum_jacobian(x):
@@ -14,20 +14,6 @@ def pendulum_jacobian(x):
 
 def height_jacobian(x):
     return np.array([[np.sin(x[0]), 0.2, 0.0]])
-
-
-@pytest.mark.parametrize("m", [1, 2])
-def test_on_a_linear_model_it_is_the_kalman_filter(m):
-    rng = np.random.default_rng(m)
-    F, offset, Q, H, R, belief = random_linear(rng, 4, m)
-    y = rng.normal(size=m)
-    exact = kalman.predict(belief, F, Q, offset)
-    predicted = extended.predict(belief, lambda x: F @ x + offset, Q)
-    assert largest_difference(predicted, exact) < 1e-12
-    corrected, innovation = extended.update(predicted, y, lambda x: H @ x, R)
-    exact_correction, exact_innovation = kalman.update(exact, y, H, R)
-    assert largest_difference(corrected, exact_correction) < 1e-12
-    assert largest_difference(innovation, exact_innovation) < 1e-12
 
 
 def test_equals_filterpy_with_jacobians_by_hand():

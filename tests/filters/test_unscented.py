@@ -13,7 +13,7 @@ from filters.examples import (
     two_outputs,
 )
 from ohmward.errors import InputError
-from ohmward.filters import Belief, kalman, unscented
+from ohmward.filters import Belief, extended, kalman, unscented
 from ohmward.filters.unscented import Scaling
 
 TWO_R = np.array([[0.01, 0.002], [0.002, 0.03]])
@@ -32,13 +32,14 @@ def test_the_textbooks_sigma_points_and_weights_have_the_moments_of_the_belief()
     assert w_cov[0] - w_mean[0] == pytest.approx(1 - 0.85**2 + 2, abs=1e-15)
 
 
+@pytest.mark.parametrize("filter_", [extended, unscented])
 @pytest.mark.parametrize("m", [1, 2])
-def test_on_a_linear_model_it_is_the_kalman_filter(m):
+def test_on_a_linear_model_it_is_the_kalman_filter(filter_, m):
     rng = np.random.default_rng(m)
     F, offset, Q, H, R, belief = random_linear(rng, 4, m)
     y = rng.normal(size=m)
-    predicted = unscented.predict(belief, lambda x: F @ x + offset, Q)
-    corrected, innovation = unscented.update(predicted, y, lambda x: H @ x, R)
+    predicted = filter_.predict(belief, lambda x: F @ x + offset, Q)
+    corrected, innovation = filter_.update(predicted, y, lambda x: H @ x, R)
     exact = kalman.predict(belief, F, Q, offset)
     assert largest_difference(predicted, exact) < 1e-12
     exact_correction, exact_innovation = kalman.update(exact, y, H, R)

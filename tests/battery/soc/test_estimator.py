@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from kernels import kernel_of
+from kernels import assert_compiled_is_plain, kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
@@ -78,13 +78,7 @@ def test_an_undated_log_begins_with_the_doubt_of_the_file():
 
 @each
 def test_compiled_is_with_floats(estimator):
-    state = estimator.init(row(COLUMNS, 0), 0.8)
-    kernel = kernel_of(estimator, state, row(COLUMNS, 0))
-    compiled = state
-    for k in range(60):
-        state, expected = estimator.step(state, row(COLUMNS, k))
-        compiled, found = kernel(compiled, row(COLUMNS, k))
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12, nan_ok=True)
+    assert_compiled_is_plain(estimator, estimator.init(row(COLUMNS, 0), 0.8), (row(COLUMNS, k) for k in range(60)))
 
 
 @each

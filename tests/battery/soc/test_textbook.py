@@ -8,7 +8,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
-from kernels import kernel_of
+from kernels import assert_compiled_is_plain
 from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
@@ -69,12 +69,7 @@ def test_it_finds_the_soc_of_the_cell_it_believes_in(method):
 def test_compiled_is_with_floats(method):
     columns = samples(simulate(NMC, drive(np.random.default_rng(3), 60), 0.9), 0.0, NOISE)
     filter_ = TextbookFilter(NMC, NOISE, method=method)
-    state = compiled = filter_.init(row(columns, 0), 0.8)
-    kernel = kernel_of(filter_, state, row(columns, 0))
-    for k in range(40):
-        state, expected = filter_.step(state, row(columns, k))
-        compiled, found = kernel(compiled, row(columns, k))
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12, nan_ok=True)
+    assert_compiled_is_plain(filter_, filter_.init(row(columns, 0), 0.8), (row(columns, k) for k in range(40)))
 
 
 @both

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from kernels import kernel_of
+from kernels import assert_compiled_is_plain, kernel_of
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.traction import RLMA, scene
@@ -112,12 +112,7 @@ def test_edges_tell_the_speed_of_a_wheel_better_than_counts():
 
 def test_compiled_and_plain_steps_agree_with_edges():
     plain = observer()
-    state = plain.init()
-    step = kernel_of(plain, state, plain.no_sample())
-    for sample in spinning(np.random.default_rng(1))[1][:30]:
-        compiled = step(state, sample)
-        state, estimate = plain.step(state, sample)
-        assert np.hstack(compiled[1]) == pytest.approx(np.hstack(estimate), abs=1e-9, nan_ok=True)
+    assert_compiled_is_plain(plain, plain.init(), spinning(np.random.default_rng(1))[1][:30], 1e-9)
 
 
 def test_an_edge_lies_somewhere():

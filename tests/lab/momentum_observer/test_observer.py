@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kernels import kernel_of
+from kernels import assert_compiled_is_plain, kernel_of
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.robot.robot import GRAVITY
@@ -231,12 +231,8 @@ def test_an_external_speed_and_passive_wheels_are_used():
 
 def test_compiled_and_plain_steps_agree():
     plain = observer()
-    state = plain.init()
-    step = kernel_of(plain, state, plain.no_sample())
-    for row in list(samples(world(lambda t: 20.0), np.random.default_rng(1)))[290:330]:
-        compiled = step(state, row)
-        state, estimate = plain.step(state, row)
-        assert np.hstack(compiled[1]) == pytest.approx(np.hstack(estimate), abs=1e-9, nan_ok=True)
+    rows = list(samples(world(lambda t: 20.0), np.random.default_rng(1)))[290:330]
+    assert_compiled_is_plain(plain, plain.init(), rows, 1e-9)
 
 
 def test_bad_settings_are_refused():
