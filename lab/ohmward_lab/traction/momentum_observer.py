@@ -618,9 +618,9 @@ class MomentumObserver:
         nu = y - row @ x
         variance = accelerometer_std**2 + (SHAKING_M_S2_PER_NM * shaken_Nm) ** 2
         unlike = nu**2 > self.gate * (row @ belief.cov @ row + variance)
-        doubted = inflate(belief, model.index("disturbance_m_s2"), nu**2)
+        inflated = inflate(belief, model.index("disturbance_m_s2"), nu**2)
         corrected = consider_radius(belief, correct_row(belief, row, y, variance), model)
-        return choose(unlike, doubted, corrected)
+        return choose(unlike, inflated, corrected)
 
     def correct_body(self, belief: Belief, sample: AngleSample) -> Belief:
         """Correct with yaw gyro and external speed."""

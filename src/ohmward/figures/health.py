@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.battery.health.ageing import SAYS_NOTHING_STD, AgeingFit, LifeAhead
+from ohmward.battery.health.ageing import UNINFORMATIVE_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import BatteryHealth, Health
 from ohmward.filters.consistency import BAND_95
 from ohmward.quantities import DAY_S
@@ -91,7 +91,7 @@ def _trend(fit: AgeingFit, health: Health, unit: float) -> tuple[Series, Band]:
 
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     first_s = health.points[0].time_s
-    known = [point for point in health.points if getattr(point, quantity).std < SAYS_NOTHING_STD]
+    known = [point for point in health.points if getattr(point, quantity).std < UNINFORMATIVE_STD]
     if not known:
         return []
     days = np.array([(point.time_s - first_s) / DAY_S / unit for point in known])

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, model_of, on_day, samples_of, says_full_at
+from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, declared_full_at, model_of, on_day, samples_of
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocEstimate, SocSample
 from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.logs.log import Log
@@ -49,7 +49,7 @@ def estimate_logs(
 
 def _in_one_piece(estimator: Estimator, log: Log) -> bool:
     """True for a log without reports of full charge, long gaps or a wrong start: its estimates are plain steps."""
-    if says_full_at(estimator, log) or after_long_gaps(estimator, np.diff(log.time_s)):
+    if declared_full_at(estimator, log) or after_long_gaps(estimator, np.diff(log.time_s)):
         return False
     model = model_of(estimator)
     return model is None or not wrong_starts(samples_of(log), model)[0]

@@ -163,7 +163,7 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
     for quantity, column, unit in (("current", _CURRENT, CURRENT.default), ("power", _POWER_COLUMN, UNITS["w"])):
         both = [_only([n for n in file.names if _is_one_way(n, way, unit)]) for way in (_CHARGE, _DISCHARGE)]
         names = [name for name in both if name is not None]
-        if _say_in_or_out(names) and has_input_voltage(file.names):
+        if _are_for_in_and_out(names) and has_input_voltage(file.names):
             continue
         if len(names) == len(both) and not _has(file, CURRENT, columns, names):
             less = partial(_difference, quantity=quantity, names=names, default=unit)
@@ -176,14 +176,14 @@ def _difference(table: Table, quantity: str, names: Sequence[str], default: Unit
     units = [unit_in_name(name, (default.dimension,)) or default for name in names]
     sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in zip(units, names, strict=True)])
     charge, discharge = np.nan_to_num(sizes)
-    if _say_in_or_out(names):
+    if _are_for_in_and_out(names):
         _check_one_way(charge, discharge, quantity, names)
     values = charge - discharge
     values[np.isnan(sizes).all(axis=0)] = np.nan
     return values, Note(f"{quantity}: {names[0]!r} less {names[1]!r}")
 
 
-def _say_in_or_out(names: Sequence[str]) -> bool:
+def _are_for_in_and_out(names: Sequence[str]) -> bool:
     """True where a column is named for what goes in or out, not for charge or discharge."""
     return any((IN | OUT) & set(letters(name)) for name in names)
 
@@ -284,12 +284,12 @@ _STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), 
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
-_SAYS_DISCHARGE = re.compile(
+_DISCHARGE_WORDS = re.compile(
     r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|ontlad|d[ée]char|descarg|scaric|放电|разряд", re.IGNORECASE
 )
-_SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^lad[eu]|carga|caric|充电|заряд", re.IGNORECASE)
+_CHARGE_WORDS = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^lad[eu]|carga|caric|充电|заряд", re.IGNORECASE)
 #: At rest any small current discharges the battery.
-_SAYS_REST = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|repos|ripos|静置|搁置|покой", re.IGNORECASE)
+_REST_WORDS = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|repos|ripos|静置|搁置|покой", re.IGNORECASE)
 
 
 def state_column(file: TableFile) -> str | None:
@@ -341,9 +341,9 @@ def _is_charging_flag(name: str) -> bool:
 def _direction(state: str) -> int:
     """1 for a charge, -1 for a discharge or a rest, 0 for any other state."""
     text = state.strip()
-    if _SAYS_DISCHARGE.search(text):
+    if _DISCHARGE_WORDS.search(text):
         return -1
-    return 1 if _SAYS_CHARGE.search(text) else -1 if _SAYS_REST.search(text) else 0
+    return 1 if _CHARGE_WORDS.search(text) else -1 if _REST_WORDS.search(text) else 0
 
 
 #: Words of a column that is 1 where the charge is complete and else 0, and words that may stand beside them.

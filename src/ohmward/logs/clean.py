@@ -165,8 +165,8 @@ def battery_temperature(
     given_degC = hints.temperature_degC
     notes: tuple[Note, ...] = ()
     if column is not None and measured is not None and _is_of_no_sensor(column, measured):
-        says = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
-        text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
+        advice = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
+        text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{advice}"
         measured, notes = None, (Note(text, "warning"),)
     elif measured is not None and (scale := _wrong_scale(measured)):
         measured, notes = None, (Note(f"temperature left out: {scale}", "warning"),)

@@ -11,7 +11,7 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, tells_grip, with_evidence
+from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, observes_grip, with_evidence
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
@@ -67,8 +67,8 @@ def test_encoders_that_are_silent_tell_nothing():
 
 
 def test_only_a_filter_that_learns_the_ground_asks():
-    assert tells_grip(MODEL)
-    assert not tells_grip(Model(RLMA_ON_FLOOR, KNOWN_GROUND, ObserverNoise()))
+    assert observes_grip(MODEL)
+    assert not observes_grip(Model(RLMA_ON_FLOOR, KNOWN_GROUND, ObserverNoise()))
 
 
 def slope(friction, grade_rad, seed=1, pitch_std_rad=None):

@@ -113,7 +113,7 @@ def no_law() -> AgeingLaws:
 
 
 #: A log that by itself gives the logarithm of a quantity no better than this says nothing about it.
-SAYS_NOTHING_STD = 0.5
+UNINFORMATIVE_STD = 0.5
 _UNKNOWN = Normal(math.nan, math.inf)
 
 
@@ -133,12 +133,12 @@ class HealthPoint(NamedTuple):
     @property
     def shows_capacity(self) -> bool:
         """True where the log alone says something about the capacity."""
-        return self.log_capacity.std < SAYS_NOTHING_STD
+        return self.log_capacity.std < UNINFORMATIVE_STD
 
     @property
     def shows_resistance(self) -> bool:
         """True where the log alone says something about the resistance."""
-        return self.log_resistance.std < SAYS_NOTHING_STD
+        return self.log_resistance.std < UNINFORMATIVE_STD
 
 
 def logarithm(quantity: Normal, reference: float) -> Normal:
@@ -165,7 +165,7 @@ class Track(NamedTuple):
         rows = [
             ((point.time_s - start_s) / DAY_S, upto - point.cycles / 2, *getattr(point, quantity))
             for point, upto in zip(points, moved, strict=True)
-            if getattr(point, quantity).std < SAYS_NOTHING_STD
+            if getattr(point, quantity).std < UNINFORMATIVE_STD
         ]
         return cls(*np.array(rows, dtype=float).reshape(-1, 4).T)
 

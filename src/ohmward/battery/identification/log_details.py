@@ -309,8 +309,8 @@ def _range_V(ocv: OcvCurve) -> float:
 
 def fit_notes(logs: Sequence[LogDetails], fits: Sequence[LogFit], ocv: OcvCurve) -> tuple[Note, ...]:
     """A warning for each log that the circuit does not reproduce, and where gassing was left out."""
-    doubted = (_misfit(fit, ocv) for fit in fits if not _within(fit, ocv))
-    return (*(_gassing(log) for log in logs if log.gassing_share > 0.0), *doubted)
+    misfits = (_misfit(fit, ocv) for fit in fits if not _within(fit, ocv))
+    return (*(_gassing(log) for log in logs if log.gassing_share > 0.0), *misfits)
 
 
 def _misfit(fit: LogFit, ocv: OcvCurve) -> Note:

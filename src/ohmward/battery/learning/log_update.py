@@ -32,7 +32,7 @@ from ohmward.json_values import plain
 _LEAST_GIVEN = 1e-3
 #: Smallest information about a logarithm: with a standard deviation above 1 nothing is known about the quantity.
 _LEAST_INFORMATION = 1.0
-_SAYS_NOTHING = Normal(float("nan"), float("inf"))
+_UNINFORMATIVE = Normal(float("nan"), float("inf"))
 
 
 class LogEstimates(NamedTuple):
@@ -57,8 +57,8 @@ def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Ba
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
         log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
-        if found.tells_capacity
-        else _SAYS_NOTHING,
+        if found.capacity_known
+        else _UNINFORMATIVE,
         log_estimate(pulse_ohm(after.thevenin), all_resistances, pull, information),
         lowest_soc,
         given_Ah,
@@ -69,7 +69,7 @@ def combined(shares: Sequence[Normal]) -> Normal:
     """Combine the normal distributions of one positive quantity from several parts."""
     known = [share for share in shares if np.isfinite(share.std)]
     if not known:
-        return _SAYS_NOTHING
+        return _UNINFORMATIVE
     weights = np.array([(share.mean / share.std) ** 2 for share in known])
     mean = float(np.exp(weights @ np.log([share.mean for share in known]) / weights.sum()))
     return Normal(mean, mean * float(weights.sum() ** -0.5))
@@ -79,7 +79,7 @@ def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.nd
     """Estimate of a quantity that is `now` in the corrected file, and whose logarithm grows along d."""
     of_part = float(d @ information @ d)
     if not of_part > _LEAST_INFORMATION:
-        return _SAYS_NOTHING
+        return _UNINFORMATIVE
     mean = now * float(np.exp(d @ pull / of_part))
     return Normal(mean, mean * of_part**-0.5)
 
@@ -119,9 +119,9 @@ class LogUpdate(NamedTuple):
     soc_end: Normal = Normal(math.nan, math.nan)
     #: estimates from this log alone, with all other parameters as known after it; the standard deviation is inf where
     #: it shows nothing
-    own_capacity_Ah: Normal = _SAYS_NOTHING
-    own_resistance_ohm: Normal = _SAYS_NOTHING
-    given_Ah: Normal = _SAYS_NOTHING  #: charge from full down to the lowest SoC of the log
+    own_capacity_Ah: Normal = _UNINFORMATIVE
+    own_resistance_ohm: Normal = _UNINFORMATIVE
+    given_Ah: Normal = _UNINFORMATIVE  #: charge from full down to the lowest SoC of the log
     anchors: tuple[Anchor, ...] = ()  #: events that gave SoC besides the voltage
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 

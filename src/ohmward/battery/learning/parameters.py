@@ -192,8 +192,8 @@ def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
 
 def _each(names: list[str], stds: list[float]) -> Group:
     """Independent parameters; those without an error are left out."""
-    doubted = [(name, std) for name, std in zip(names, stds, strict=True) if std > 0.0]
-    return Group(tuple(name for name, _ in doubted), np.diag([std**2 for _, std in doubted]))
+    uncertain = [(name, std) for name, std in zip(names, stds, strict=True) if std > 0.0]
+    return Group(tuple(name for name, _ in uncertain), np.diag([std**2 for _, std in uncertain]))
 
 
 def _along(knots: np.ndarray) -> list[str]:

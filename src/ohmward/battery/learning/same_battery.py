@@ -37,7 +37,7 @@ _DEEPEST_DISCHARGE = 1.15
 #: that a log which differed by `_OTHER_BATTERY_STD` would move them by 0.5.
 _CONFIRMS, _FITS = 0.2, 1.1
 #: Smallest difference that is reported, in standard deviations, where both together have set a log aside.
-_WORTH_TELLING = 1.0
+_WORTH_REPORTING = 1.0
 #: Difference of the sensor's offset, in standard deviations, beyond which the sensor is another one, or has a fault.
 _OTHER_SENSOR = 4.5
 #: Largest change of capacity and resistance by one log, in standard deviations of a file that has learnt. Good logs of
@@ -153,7 +153,7 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
     differ = [
         f"its {name} is {_band(new, scale)} {unit}, in the file {_band(old, scale)} {unit}"
         for (name, unit, scale), (old, new), off in zip(units, _pairs(known, found), z, strict=True)
-        if abs(off) > _WORTH_TELLING
+        if abs(off) > _WORTH_REPORTING
     ]
     return _refusal(" and ".join(differ))
 

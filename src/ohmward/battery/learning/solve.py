@@ -52,7 +52,7 @@ class Solution(NamedTuple):
     weight: np.ndarray  #: (N,) of each row
     misfit: float  #: factor by which the residuals exceed their variance, 1 where they do not
     charge: ChargeAlong  #: charge and state of charge at every sample
-    tells_capacity: bool = True  #: False where the distribution of the capacity has another mode
+    capacity_known: bool = True  #: False where the distribution of the capacity has another mode
 
 
 class PartRows(NamedTuple):
@@ -250,7 +250,7 @@ def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAncho
         marginal = capacity_marginal(model, prior, anchors, found)
         if marginal is None:
             of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.cov[q, q])))
-            return with_marginal(model, prior, anchors, found, of_prior)._replace(tells_capacity=False)
+            return with_marginal(model, prior, anchors, found, of_prior)._replace(capacity_known=False)
         return with_marginal(model, prior, anchors, found, marginal)
     if any(anchor.soc < _HALF for anchor in anchors):
         return found

@@ -138,13 +138,13 @@ class AnchorEvent(NamedTuple):
     top: Any = False  #: the condition that a charge has reached the end of the curve
 
     @property
-    def tells_soc(self) -> Any:
+    def gives_soc(self) -> Any:
         """The condition that there is an event."""
         return self.full | self.empty | self.top
 
     def or_else(self, other: AnchorEvent) -> AnchorEvent:
         """This event where there is one, else the other."""
-        return choose(self.tells_soc, self, other)
+        return choose(self.gives_soc, self, other)
 
 
 #: Nothing has happened.
@@ -339,8 +339,8 @@ class AnchorRule:
         usable = clean.voltage_measured & clean.current_measured
         resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_ANCHOR_STEP_S)
         needed_s = _RELAXED * self.slowest_s / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
-        tells = self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD
-        return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), tells)
+        certain = self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD
+        return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), certain)
 
     def at_rest(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge of a battery at rest at this voltage, from the curve of the file and its errors."""

@@ -132,8 +132,8 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     for first, output in _outputs(log, finder):
         current_A[first : first + _STRETCH] = output.current_A[: len(log) - first]
         found += _anchors_inside(log, first, finder.rule, output)
-    said = SocNormal(1.0, finder.rule.limits.full_std)
-    found += [_anchor("full charge", k, said, log, name) for name, k in log.full_charges()]
+    declared = SocNormal(1.0, finder.rule.limits.full_std)
+    found += [_anchor("full charge", k, declared, log, name) for name, k in log.full_charges()]
     found.sort(key=lambda anchor: anchor.sample)
     apart_As = AGAIN * finder.rule.model.capacity_As
     return tuple(_without_repeats(found, log.time_s, current_A, apart_As))

@@ -247,12 +247,12 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         The log is split where a column reports full, at long gaps, and where the estimate starts again.
         """
         samples = samples_of(log, self.time_s)
-        says_full = says_full_at(self.settings, log)
+        declared_full = declared_full_at(self.settings, log)
         gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
         samples.dt_s[list(gaps)] = 0.0
-        again, watch = self._starts_over_at(samples, gaps, says_full)
+        again, watch = self._starts_over_at(samples, gaps, declared_full)
         pieces, seconds, begin = [], 0.0, 0
-        for stop in sorted(({k + 1 for k in says_full} | gaps.keys() | again | {len(log)}) - {0}):
+        for stop in sorted(({k + 1 for k in declared_full} | gaps.keys() | again | {len(log)}) - {0}):
             rows = SocSample(*(column[begin:stop] for column in samples))
             first = SocSample(*(float(column[0]) for column in rows))
             if begin in gaps:
@@ -265,7 +265,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
                 piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP
             if begin in again:
                 piece.flags[0] = int(piece.flags[0]) | SocFlag.RESTARTED
-            if stop - 1 in says_full:
+            if stop - 1 in declared_full:
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
@@ -282,7 +282,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return SocEstimate._make(whole), seconds
 
     def _starts_over_at(
-        self, samples: SocSample, gaps: Collection[int], says_full: Collection[int]
+        self, samples: SocSample, gaps: Collection[int], declared_full: Collection[int]
     ) -> tuple[set[int], StartWatch | None]:
         """Rows of a log from which the estimate starts again, and the watch of the start after the log."""
         watch = self._watch
@@ -292,7 +292,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             starts = begin in gaps or self._state is None
             if self._model is None or (watch is None and not starts):
                 continue
-            full = min((k + 1 for k in says_full if begin <= k < end), default=None)
+            full = min((k + 1 for k in declared_full if begin <= k < end), default=None)
             rows = SocSample(*(column[begin : full or end] for column in samples))
             found, watch = wrong_starts(rows, self._model, None if starts else watch)
             again |= {begin + k for k in found}
@@ -355,7 +355,7 @@ def model_of(settings: Estimator) -> Thevenin | None:
     return getattr(getattr(settings, "voltage_start", None), "model", None)
 
 
-def says_full_at(settings: Estimator, log: Log) -> set[int]:
+def declared_full_at(settings: Estimator, log: Log) -> set[int]:
     """Rows at which a column of the log reports a full battery; none for an estimator that cannot use it."""
     return {k for _, k in log.full_charges()} if takes_given_soc(settings) else set()
 

@@ -139,15 +139,15 @@ def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal)
         InputError: the estimator takes no state of charge from outside.
     """
     if isinstance(settings, GaussianSumFilter):
-        return _tell_sum(settings, state, estimate, given)
+        return _correct_sum(settings, state, estimate, given)
     if isinstance(settings, TheveninFilter):
-        return _tell_filter(settings, state, estimate, given)
+        return _correct_filter(settings, state, estimate, given)
     raise InputError(
         f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf, ukf or rc"
     )
 
 
-def _tell_filter(
+def _correct_filter(
     settings: TheveninFilter, state: FilterState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[FilterState, SocEstimate]:
     belief = with_given_soc(unpack(state.belief), given, settings.gate)
@@ -157,12 +157,12 @@ def _tell_filter(
     return after, estimate._replace(**known, flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED)
 
 
-def _tell_sum(
+def _correct_sum(
     settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[GaussianSumState, SocEstimate]:
     """Update all hypotheses, and weight them by how well each predicted the given state of charge."""
     foreseen = [_log_density(unpack(member.belief), given) for member in state.members]
-    parts = [_tell_filter(settings.member, member, estimate, given) for member in state.members]
+    parts = [_correct_filter(settings.member, member, estimate, given) for member in state.members]
     log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
     members = tuple(member for member, _ in parts)
     return state._replace(members=members, log_weights=log_weights), mixed([part for _, part in parts], log_weights)

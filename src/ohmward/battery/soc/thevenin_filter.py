@@ -250,7 +250,7 @@ class TheveninFilter:
                 SocFlag.REST: resting,
                 SocFlag.SOC_LIMITED: limited,
                 SocFlag.DIVERGED: clean.voltage_measured & diverged,
-                SocFlag.ANCHORED: taken.event.tells_soc,
+                SocFlag.ANCHORED: taken.event.gives_soc,
             }
         )
         return TheveninStep(after, self.estimate(posterior, update, clean, flags), update)
@@ -295,7 +295,7 @@ class TheveninFilter:
         Charger and protection define full and empty, so these events pass without a gate. R counts an error of the
         model for minutes, so it is never far below H P H': the plain difference P - K S K' keeps its digits.
         """
-        system, anchored = self.system, event.tells_soc
+        system, anchored = self.system, event.gives_soc
         error = self.voltage_error(prior, clean)
         error = choose(anchored, error._replace(variance=event.std * event.std, weight=1.0), error)
         R = np.array([[error.variance * error.weight]])

@@ -125,8 +125,8 @@ class Overrun(NamedTuple):
 def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides: Scalar, dt_s: Scalar) -> Overrun:
     """The overrun after a step in which the pose moved at this speed; the part taken back for a slide is removed."""
     age_s = before.age_s + dt_s
-    kept_m = before.way_m * exp(-dt_s / OVERRUN_S) + (speed_m_s - before.last_m_s) * dt_s
-    way_m = where(age_s <= OVERRUN_S, kept_m, 0.0)
+    remaining_m = before.way_m * exp(-dt_s / OVERRUN_S) + (speed_m_s - before.last_m_s) * dt_s
+    way_m = where(age_s <= OVERRUN_S, remaining_m, 0.0)
     return Overrun(
         last_m_s=where(received.measured, received.speed_m_s, before.last_m_s),
         age_s=where(received.measured, 0.0, age_s),

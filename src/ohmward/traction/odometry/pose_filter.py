@@ -170,7 +170,7 @@ class PoseFilter:
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         sensors, jump = sense(state.motion, clean, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
-        gyro = self.hear(state.gyro, sensors, clean.dt_s)
+        gyro = self.estimate_gyro_noise(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
         comparable = motion.input.comparable & watch.comparable
@@ -212,7 +212,7 @@ class PoseFilter:
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
 
-    def hear(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
+    def estimate_gyro_noise(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
         """Noise of the gyro after the step; its sample is new if its age is zero."""
         new = sensors.intervals.age_s[GYRO] <= 0.0
         stands = every([speed == 0.0 for speed in sensors.wheel_speed_rad_s]) & was_seen(sensors.intervals)[WHEELS]

@@ -66,7 +66,7 @@ class BodyCorrection(NamedTuple):
     gyro_rejected: Scalar = False
     speed_rejected: Scalar = False
     passive_rejected: Scalar = False
-    passive_doubted: Scalar = False  #: one of the passive wheels has been outside for too long
+    passive_suspect: Scalar = False  #: one of the passive wheels has been outside for too long
     speed_reset: Scalar = False  #: the estimate was widened for an external speed that contradicted it again
 
 
@@ -329,7 +329,7 @@ def use_passive_wheels(
     opened = opened_for(body.belief, common.speed_m_s, model)
     body = body._replace(
         belief=choose(some([leans, wrong]), opened, body.belief),
-        passive_doubted=some(time_s > gate.reset_after_s for time_s in times_s),
+        passive_suspect=some(time_s > gate.reset_after_s for time_s in times_s),
     )
     after_s = []
     for k, measured, time_s in zip(range(n, len(lag)), clean.wheel_measured[n:], times_s, strict=True):

@@ -43,7 +43,7 @@ class EncoderGate(NamedTuple):
 
     nis: float  #: NIS beyond which its wheel has met other ground
     reset_after_s: float  #: time outside the gate after which the encoder is at fault
-    jumps_teach: bool  #: friction is learnt from a jump: sigma points can, a slope at grip cannot
+    jumps_informative: bool  #: friction is learnt from a jump: sigma points can, a slope at grip cannot
 
 
 class FreeWheels(NamedTuple):
@@ -77,7 +77,7 @@ class EncoderCorrection(NamedTuple):
     wheels: list[WheelCorrection]  #: each driven wheel's
     ground_changed: Scalar  #: the condition that one of them moved as the model excludes
     spike: Scalar  #: the condition that one of the encoders jumped as no wheel can
-    doubted: Scalar  #: the condition that one of the encoders is at fault
+    suspect: Scalar  #: the condition that one of the encoders is at fault
     rejected: RejectedFor  #: how long each has been outside its gate, (driven,)
 
 
@@ -116,10 +116,10 @@ def correct_wheels(
         wheels.append(correct_wheel(belief, k, y, R, possible, torque_noise[k], earlier, clean, model, gate))
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
-    doubted = some(s > gate.reset_after_s for s in rejected.gate_s)
+    suspect = some(s > gate.reset_after_s for s in rejected.gate_s)
     spike = some(wheel.spike for wheel in wheels)
     times_s = zip(*(wheel.rejected for wheel in wheels), strict=True)
-    return EncoderCorrection(belief, wheels, ground_changed, spike, doubted, RejectedFor(*map(np.array, times_s)))
+    return EncoderCorrection(belief, wheels, ground_changed, spike, suspect, RejectedFor(*map(np.array, times_s)))
 
 
 def correct_wheel(
@@ -150,7 +150,7 @@ def correct_wheel(
     diverged = before.gate_s > gate.reset_after_s
     used_now = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
 
-    jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
+    jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_informative else nu
     opened = choose(used_now & rejected, ground_unknown(prior, k, jumped, model), prior)
     posterior = correct_speed(opened, i, y, R, used_now, torque_noise, model)
     added_variance = where(used_now, 0.0, rejected_variance(prior, k, clean.modelled_s, model))

@@ -238,7 +238,7 @@ class Judgement(NamedTuple):
     ground_changed: Scalar  #: the condition that the belief started again from slide or from grip
 
 
-def tells_grip(model: Model) -> bool:
+def observes_grip(model: Model) -> bool:
     """True where the filter learns the ground from the forces of the wheels, and may mistake a slide for a slope."""
     return set(LEARNT) - {"log_friction"} <= set(model.layout.names) and model.states.friction != "known"
 
@@ -259,7 +259,7 @@ def judge(
     body: after all measurements.
     gate: squared distance from which a friction is rejected.
     """
-    if not tells_grip(model):
+    if not observes_grip(model):
         return Judgement(last, body.belief, False)
     evidence = gathered(last, before, wheels, body, clean, model)
     slides = with_gross_slip(Judgement(evidence, body.belief, False), clean, model, gate)

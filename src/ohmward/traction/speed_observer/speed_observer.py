@@ -332,8 +332,8 @@ class SpeedObserver:
         self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSample
     ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
-        jumps_teach = self.method == "ukf" and not self.gyro_first
-        gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_teach)
+        jumps_informative = self.method == "ukf" and not self.gyro_first
+        gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_informative)
         belief, step, lag_rad_s, _ = prediction
         return correct_wheels(free, belief, lag_rad_s, step, clean, state.rejected, self.model, gate)
 
@@ -410,7 +410,7 @@ class SpeedObserver:
             SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven])),
             SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
-            SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
+            SlipFlag.ENCODER_DOUBTED: some([wheels.suspect, body.passive_suspect]),
             SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, stuck_gyro]),
             SlipFlag.SPEED_REJECTED: some([body.speed_rejected, clean.speed_refused]),
             SlipFlag.SPEED_RESET: body.speed_reset,
