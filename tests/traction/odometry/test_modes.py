@@ -263,6 +263,32 @@ def test_the_end_of_a_spin_is_seen_between_two_outside_speeds():
     assert np.mean(covered) > 0.9
 
 
+def late_speeds(robot_m_s, rim_m_s, age_s, std_m_s=0.0, seed=0):
+    """A drive straight ahead with outside speeds at 10 Hz, all of the same known age."""
+    rng, T, steps = np.random.default_rng(seed), len(robot_m_s), round(age_s / DT_S)
+    then = np.concatenate([np.full(steps, robot_m_s[0]), robot_m_s[: T - steps]])
+    heard = np.where(np.arange(T) % 5 == 0, then + std_m_s * rng.standard_normal(T), math.nan)
+    given = {"wheel_speed_rad_s": rims(rim_m_s, rim_m_s), "yaw_rate_rad_s": np.zeros(T)}
+    return samples(FILTER, **given, speed_m_s=heard, speed_std_m_s=np.full(T, 0.05), speed_age_s=np.full(T, age_s))
+
+
+def test_a_late_speed_is_predicted_over_its_age_once():
+    speed = 0.5 * np.clip(DT_S * np.arange(300) - 1.0, 0.0, 4.0)
+    e, _ = run(late_speeds(speed, speed, 0.3))
+    assert np.abs(e.speed_m_s - speed).max() < 0.005
+
+
+def test_corrections_by_late_speeds_are_not_predicted_again():
+    """Rims that are faster by 0.4 m/s for five seconds, and speeds that are 0.4 s old."""
+    time_s = DT_S * np.arange(1000)
+    spins = 0.4 * np.clip(np.minimum(time_s - 5.0, 10.0 - time_s) / 0.3, 0.0, 1.0)
+    speed = 0.5 * np.clip(time_s, 0.0, 1.0)
+    for seed in range(4):
+        e, _ = run(late_speeds(speed, speed + spins, 0.4, 0.05, seed))
+        assert np.abs(e.speed_m_s - speed).max() < 0.45
+        assert np.sqrt(np.mean((e.speed_m_s - speed)[(time_s > 7.0) & (time_s < 9.5)] ** 2)) < 0.1
+
+
 def test_an_outside_speed_that_fell_silent_takes_no_way_back():
     silent = run_over(Overrun(0.0, 2.9, 1.0), 0.5, OutsideSpeed(False, 0.0, 0.1, 0.5, 0.0), 0.9, 0.2)
     assert silent == Overrun(0.0, pytest.approx(3.1), 0.0)

@@ -252,10 +252,10 @@ def use_speeds(
     usable = is_usable(own_std, SPEED_STD_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
     left_m_s = where(within(sample.speed_left_m_s, FASTEST_M_S) & usable, sample.speed_left_m_s, np.nan)
     left_std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
-    y = clean.speed_m_s + change_since(history, age_s) + outside.late_m_s
+    y = clean.speed_m_s + where(age_s > 0.0, change_since(history, age_s), outside.late_m_s)
     since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
     variance = outside.std_m_s**2 + since[0]
-    y_slides = y - outside.late_m_s
+    y_slides = clean.speed_m_s
     lasting_m_s = sqrt(outside.std_m_s**2 + (noise.speed_share * outside.speed_m_s) ** 2)
     belief, rejected = use_forward_speed(body.belief, y, y_slides, variance, lasting_m_s, slides, overrun_m, u, gate)
     belief, left_rejected = use_motion(belief, left_m_s, 1, SIDE_SLIP, 1.0, left_std_m_s**2 + since[1], u, gate)

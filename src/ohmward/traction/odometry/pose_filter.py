@@ -207,7 +207,7 @@ class PoseFilter:
         flags = self.flags(before, clean, motion, body)
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, sums, history, trail, heading, overrun,
-            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]), speed_m_s,
+            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]), estimate.speed_m_s,
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
