@@ -157,7 +157,7 @@ def _(run: SlipRun) -> str:
     slipping = np.asarray(e.slipping).max(axis=1) > 0.5
     facts = {
         **_steps(run),
-        "speed at the end": f"{e.speed_m_s[-1]:.3f} ± {BAND_95 * e.speed_std_m_s[-1]:.2g} m/s (95 %)",
+        "speed at the end": f"{e.speed_m_s[-1]:z.3f} ± {BAND_95 * e.speed_std_m_s[-1]:.2g} m/s (95 %)",
         "greatest speed": quantity(float(np.nanmax(np.abs(e.speed_m_s))), "m/s"),
         "a wheel slips": f"{percent(float(slipping.mean()), 1)} of the samples",
     }
@@ -169,7 +169,7 @@ def _(run: OdometryRun) -> str:
     e = run.estimates
     facts = {
         **_steps(run),
-        "pose at the end": f"{e.x_m[-1]:.2f} m forward, {e.y_m[-1]:.2f} m to the left, turned by "
+        "pose at the end": f"{e.x_m[-1]:z.2f} m forward, {e.y_m[-1]:z.2f} m to the left, turned by "
         f"{np.degrees(e.yaw_rad[-1]):.1f}°",
         "position": f"± {BAND_95 * e.position_std_m[-1]:.2g} m (95 %)",
         "distance": quantity(float(e.distance_m[-1]), "m"),

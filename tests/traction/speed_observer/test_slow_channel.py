@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import LONGER, advance, holds, never
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -74,3 +75,13 @@ def test_a_slow_current_leaves_the_speed_known():
     slow = observe(observer, replace(few, motor_current_A=np.where(seldom, fast.motor_current_A, NAN))).estimates
     assert np.max(slow.speed_std_m_s[:-15] / known.speed_std_m_s[:-15]) < 1.2
     assert np.abs(slow.speed_m_s - known.speed_m_s).max() < 0.02
+
+
+def test_an_encoder_is_missing_only_where_one_was_due():
+    time_s = np.arange(0.0, 2.0, 0.01)
+    wheels = np.full((len(time_s), 4), NAN)
+    wheels[::2, :2] = 3.0
+    wheels[100:104] = NAN
+    log = DriveLog("slow", time_s, wheels, np.zeros((len(time_s), 2)), yaw_rate_rad_s=np.zeros(len(time_s)))
+    track = observe(SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(gyro_std_rad_s=0.01)), log)
+    assert np.flatnonzero(track.flags & SlipFlag.NO_ENCODER).tolist() == [100, 101, 102, 103]

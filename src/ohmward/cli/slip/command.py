@@ -124,7 +124,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     rows = {
         "drive": f"{f['distance_m']:.3g} m in {duration(f['duration_s'])}, "
         f"{f['speed_min_m_s']:z.2f} to {f['speed_max_m_s']:z.2f} m/s",
-        "speed at the end": f"{f['speed_final_m_s']:.3g} ± {BAND_95 * f['speed_std_final_m_s']:.2g} m/s (95 %)",
+        "speed at the end": f"{f['speed_final_m_s']:z.3f} ± {BAND_95 * f['speed_std_final_m_s']:.2g} m/s (95 %)",
         "pose at the end": f"{pose.x_m:z.2f} m forward, {pose.y_m:z.2f} m to the left "
         f"± {BAND_95 * pose.position_std_m:.2g} m, turned by {_degrees(pose.yaw_rad, pose.yaw_std_rad, 'z.1f', '.2g')} "
         "degrees (95 %)",

@@ -62,7 +62,7 @@ def _parts(state: RobotState) -> Iterator[str]:
         reach, assumed = state.range, " (assumed)" if state.range.assumed else ""
         yield f"range {reach.distance_m.p50 / 1e3:.1f} km, {reach.duration_s.p50 / SECONDS_PER_HOUR:.1f} h{assumed}"
     if state.slip:
-        yield f"speed {state.slip.speed_m_s:.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
+        yield f"speed {state.slip.speed_m_s:z.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
         yield f"slip {' '.join(f'{100 * slip:.0f}' if slip == slip else '-' for slip in state.slip.slip_ratio)} %"
     if state.pose:
         yield f"x {state.pose.x_m:.2f} y {state.pose.y_m:.2f} ± {BAND_95 * state.pose.position_std_m:.2f} m"

@@ -96,7 +96,7 @@ class SlipFlag(SampleFlag):
     BAD_TIME = 1  # dt_s is not a number, negative or longer than an hour: taken as 0
     GAP = 2  # a step longer than the last current holds: the speed is uncertain in the rest of it
     NO_CURRENT = 4  # of at least one motor, or an impossible one: the last one fades, its torque is unknown
-    NO_ENCODER = 8  # of at least one driven wheel: not a number, or an impossible one
+    NO_ENCODER = 8  # of at least one driven wheel when one was due: not a number, or an impossible one
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
     GYRO_REJECTED = 64  # yaw rate outside its gate, or stuck

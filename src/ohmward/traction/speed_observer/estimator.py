@@ -131,7 +131,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
     def __repr__(self) -> str:
         robot, ground = self.observer.scene.robot, self.observer.scene.terrains[0]
         e = self.last
-        now = f", speed {e.speed_m_s:.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
+        now = f", speed {e.speed_m_s:z.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
         return f"SlipEstimator({self.observer.method}, {robot.name} on {ground.name}{now})"
 
 

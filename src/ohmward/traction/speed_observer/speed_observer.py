@@ -256,8 +256,7 @@ class SpeedObserver:
         new = restarted(before, clean, self.model)
         stuck_s, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
         ground_changed = some([wheels.ground_changed, judged.ground_changed])
-        unobserved_s = estimate.unobserved_s
-        flags = self.flags(before, clean, wheels, body, ground_changed, unobserved_s, state.gyro.stuck, lost)
+        flags = self.flags(state, before, clean, wheels, body, ground_changed, estimate.unobserved_s, lost)
         after = state._replace(
             belief=pack(belief),
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
@@ -393,25 +392,26 @@ class SpeedObserver:
 
     def flags(
         self,
+        state: ObserverState,
         before: Belief,
         clean: CleanSample,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         ground_changed: Scalar,
         unobserved_s: Scalar,
-        stuck_gyro: Scalar,
         lost: Scalar,
     ) -> Scalar:
-        """Flags of a sample."""
+        """Flags of a sample; state: with the clocks and the watches after it."""
+        encoder_holds = holds(state.encoder_intervals)[: self.model.driven]
         return flags_of({
             SlipFlag.BAD_TIME: logical_not(clean.time_credible),
             SlipFlag.GAP: clean.gap,
             SlipFlag.NO_CURRENT: some([logical_not(every(clean.current_measured)), clean.current_refused]),
-            SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven])),
+            SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven] | encoder_holds)),
             SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
             SlipFlag.ENCODER_DOUBTED: some([wheels.suspect, body.passive_suspect]),
-            SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, stuck_gyro]),
+            SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, state.gyro.stuck]),
             SlipFlag.SPEED_REJECTED: some([body.speed_rejected, clean.speed_refused]),
             SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,

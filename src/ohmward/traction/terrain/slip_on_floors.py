@@ -506,5 +506,5 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
     def __repr__(self) -> str:
         names = ", ".join(self.floors.recognition.names)
         e = self.last
-        now = f", speed {e.speed_m_s:.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
+        now = f", speed {e.speed_m_s:z.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
         return f"FloorSlipEstimator({self.floors.wheels.robot.name} on {names}{now})"
