@@ -95,7 +95,7 @@ def test_the_jacobian_against_differences(grade_rad):
         k = replace(c, mean=moved)
         return design_row(k, s) @ moved
 
-    found = jacobian(c, s)
+    found = jacobian(c, s, design_row(c, s))
     for i, x in enumerate(c.mean):
         if i in c.day_effects:
             continue  # counted at the battery

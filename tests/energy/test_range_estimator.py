@@ -14,9 +14,17 @@ from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_dr
 from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.cut_drive import cut_drive
-from ohmward.energy.leg import stretch_of
+from ohmward.energy.leg import Stretch, stretch_of, total_distance_m
 from ohmward.energy.range import ground_std
-from ohmward.energy.range_step import RangeEstimate, RangeSample, RangeSettings, battery_state, usual_ground
+from ohmward.energy.range_step import (
+    RECENT_S,
+    RangeEstimate,
+    RangeSample,
+    RangeSettings,
+    battery_state,
+    last_stretches,
+    usual_ground,
+)
 from ohmward.energy.sag import Sag
 from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError
@@ -77,11 +85,28 @@ def test_the_ground_ahead_is_also_what_the_robot_is_used_to():
     for _ in range(30):
         c = learn(c, stretch_of(Leg(50.0, "grass", 0.5)), 3000.0)
         c = learn(c, stretch_of(Leg(50.0, "asphalt", 0.5)), 1000.0)
-    late = [stretch_of(Leg(50.0, "asphalt", 0.5))] * 10
+    late = [stretch_of(Leg(50.0, "asphalt", 0.5))] * 36
     ahead = [*late, *usual_ground(c, late)]
     lengths = {name: sum(s.distance_m for s in ahead if s.terrain == name) for name in ("grass", "asphalt")}
-    assert lengths["grass"] == pytest.approx(0.25 * sum(lengths.values()))  # half of ten that count beside ten
+    assert lengths["grass"] == pytest.approx(sum(lengths.values()) / 6)  # half of the half hour beside the last hour
     assert usual_ground(NEW, late) == []  # nothing was driven before
+
+
+def test_the_recent_ground_is_that_of_an_hour_however_often_the_robot_stops():
+    leg, stop = stretch_of(Leg(20.0, "grass", 0.5)), Stretch("", 10.0)
+    driven = (leg, stop) * 100
+    assert last_stretches(driven, RECENT_S) == driven[-144:]  # 72 of 50 s each
+    assert last_stretches(driven[:100], RECENT_S) == driven[:100]
+
+
+def test_the_robot_will_stop_as_often_as_in_the_last_hour():
+    settings = new().settings
+    c = learn(begin_drive(NEW), stretch_of(Leg(5000.0, "grass", 0.5)), 300000.0)
+    recent = (stretch_of(Leg(20.0, "grass", 0.5)), Stretch("", 10.0)) * 10
+    ahead = settings.ahead(settings.init(c)._replace(recent=recent))
+    standing_s = sum(s.time_s for s in ahead if not s.terrain)
+    assert total_distance_m(ahead) == pytest.approx(200.0 + 0.5 * 1800.0)  # and half an hour of usual ground
+    assert standing_s == pytest.approx(0.5 * total_distance_m(ahead))
 
 
 def test_the_ground_ahead_is_another_sample_of_that_of_late():

@@ -201,11 +201,12 @@ def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
 def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     """Energy from the start of the first stretch to the end of each, (K,); raises as `energy_demand`."""
     effects = c.day_effects
-    mean_J = np.cumsum([design_row(c, s) for s in stretches], axis=0) @ c.mean
-    H = np.cumsum([jacobian(c, s) for s in stretches], axis=0)
+    rows = [design_row(c, s) for s in stretches]
+    mean_J = np.cumsum(rows, axis=0) @ c.mean
+    H = np.cumsum([jacobian(c, s, x) for s, x in zip(stretches, rows, strict=True)], axis=0)
     all_J2 = np.einsum("ki,ij,kj->k", H, c.cov, H)
     day_J2 = np.einsum("ki,ij,kj->k", H[:, effects], c.cov[np.ix_(effects, effects)], H[:, effects])
-    slope_J = np.cumsum([energy_of_slope_J(c, s) for s in stretches])
+    slope_J = np.cumsum([energy_of_slope_J(c, s, x) for s, x in zip(stretches, rows, strict=True)])
     model_J2 = (c.prior.model_std * mean_J) ** 2 + (c.prior.slope_std * slope_J) ** 2
     return EnergyDemand(
         mean_J,
@@ -256,12 +257,13 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
     return x
 
 
-def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
+def jacobian(c: Consumption, stretch: Stretch, x: np.ndarray) -> np.ndarray:
     """Derivative (6 + 2 K,) of the energy with respect to the coefficients, also through the work of the wheels.
 
     dE/dW = 2 r W t_d / d^2, plus b - a where the wheels brake.
+
+    x: (6 + 2 K,) design row of the stretch.
     """
-    x = design_row(c, stretch)
     if not stretch.terrain:
         return x
     work_J = wheel_work_J(c, stretch)
@@ -315,11 +317,13 @@ def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
     return wheel_work_J(c, stretch) / max(stretch.distance_m, _LEAST_M)
 
 
-def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
-    """Energy [J] of a stretch compared with level ground, < 0 downhill: climb, braking and heat."""
+def energy_of_slope_J(c: Consumption, stretch: Stretch, x: np.ndarray) -> float:
+    """Energy [J] of a stretch compared with level ground, < 0 downhill: climb, braking and heat.
+
+    x: (6 + 2 K,) design row of the stretch.
+    """
     if not stretch.terrain:
         return 0.0
-    x = design_row(c, stretch)
     level = design_row(c, stretch._replace(climb_m=0.0, descent_m=0.0, kinetic_m2_s2=0.0))
     return float((x - level) @ c.mean)
 
@@ -333,8 +337,9 @@ def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> t
     """Extended Kalman update; on unexpected ground iterated, with the iterate that explains the energy best."""
     before, fits = Belief(c.mean, c.cov), []
     for _ in range(_LINEARISATIONS):
-        H = jacobian(c, stretch)
-        y = np.array([energy_J + (H - design_row(c, stretch)) @ c.mean])
+        x = design_row(c, stretch)
+        H = jacobian(c, stretch, x)
+        y = np.array([energy_J + (H - x) @ c.mean])
         belief, innovation = kalman.update(before, y, H[None, :], np.array([[R]]))
         after = replace(c, mean=belief.mean)
         left_J = energy_J - float(design_row(after, stretch) @ after.mean)

@@ -32,11 +32,11 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
 from ohmward.quantities import FASTEST_M_S, MOST_C
 
-#: Number of recent stretches that the ground ahead is assumed to resemble; at three minutes each, the last hour.
-RECENT_STRETCHES = 20
+#: Time [s] of the recent drive that the ground ahead is assumed to resemble.
+RECENT_S = 3600.0
 
-#: Weight of everything ever driven, in further stretches.
-USUAL_STRETCHES = 10.0
+#: Weight of everything ever driven, as a further time [s] of driving.
+USUAL_S = 1800.0
 
 #: Flat way ahead of a robot that has hardly moved yet, with the consumption and band of its table.
 FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
@@ -120,7 +120,7 @@ class RangeState(NamedTuple):
 
     consumption: Consumption  #: as learned so far
     meter: DriveMeter  #: of the drive
-    recent: tuple[Stretch, ...]  #: last stretches driven
+    recent: tuple[Stretch, ...]  #: stretches of the last hour
     finished_m: float  #: length of all finished stretches
     soc: SocNow  #: last one known
     forecast: RangeEstimate  #: last one
@@ -204,7 +204,7 @@ class RangeSettings:
         for part in finished:
             stretch = part.stretch._replace(payload_kg=self.payload_kg)
             consumption = learn(consumption, stretch, part.energy_J)
-            recent = (*recent, stretch)[-RECENT_STRETCHES:]
+            recent = last_stretches((*recent, stretch), RECENT_S)
             finished_m += stretch.distance_m
             if moving_time_s(stretch) >= PEAKED_S:
                 ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), discharge.held_W
@@ -259,9 +259,13 @@ class RangeSettings:
 
     def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
         """Stretches like those to come: the recent ones, and the usual ground of the robot."""
-        driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
-        if total_distance_m(driven) >= LEAST_DRIVEN_M:
-            return (*driven, *usual_ground(state.consumption, driven))
+        recent = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
+        if total_distance_m(recent) >= LEAST_DRIVEN_M:
+            driven = [s for s in recent if s.terrain]
+            standing_s = total_time_s(recent) - total_time_s(driven)
+            usual = usual_ground(state.consumption, driven)
+            standing_s *= 1.0 + total_distance_m(usual) / total_distance_m(driven)
+            return (*driven, *usual, Stretch("", standing_s))
         return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
 
     def way_home(self, ahead: Sequence[Stretch], home: WayHome) -> tuple[Stretch, ...]:
@@ -307,18 +311,26 @@ def both(one: Normal, other: Normal) -> Normal:
     return Normal(one.mean + share * (other.mean - one.mean), one.std * math.sqrt(1.0 - share))
 
 
+def last_stretches(stretches: tuple[Stretch, ...], time_s: float) -> tuple[Stretch, ...]:
+    """The fewest last stretches that together last this long; all where they are shorter."""
+    left_s, first = time_s, len(stretches)
+    while first > 0 and left_s > 0.0:
+        first -= 1
+        left_s -= stretches[first].time_s
+    return stretches[first:]
+
+
 def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
-    """Usual ground of the robot, for as many stretches as it counts beside the recent ones.
+    """Usual ground of the robot, for as long as it counts beside the recent one; climbs are those of `driven`.
 
     The ground ahead is like the recent one, and like everything ever driven: the conditions of the last hour will not
     last for ever.
     """
-    usual_m = sum(v.distance_m for v in c.visits)
-    if not usual_m > 0.0:
+    usual_s = sum(v.time_s for v in c.visits)
+    if not usual_s > 0.0:
         return []
-    length_m = USUAL_STRETCHES * total_distance_m(driven) / max(sum(s.distance_m > 0.0 for s in driven), 1)
     climbing = sum(s.climb_m for s in driven) / total_distance_m(driven)
-    share = length_m / usual_m
+    share = USUAL_S / usual_s
     return [
         Stretch(
             name,
