@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ohmward.energy.points import normal_points, normal_tail, quantiles, student
+from ohmward.energy.points import normal_points, normal_tail, quantiles, student, two_piece
 
 
 @pytest.mark.parametrize("dimensions", [1, 3, 8])
@@ -24,6 +24,15 @@ def test_a_sum_over_all_dimensions_has_the_right_quantiles():
 def test_students_t_against_scipy(dof, error):
     p = np.linspace(0.01, 0.99, 99)
     assert student(stats.norm.ppf(p), dof) == pytest.approx(stats.t.ppf(p, dof), rel=error, abs=1e-9)
+
+
+@pytest.mark.parametrize("lower", [0.5, 1.0, 1.5])
+def test_a_two_piece_normal_has_no_step_at_its_mode(lower):
+    x = np.linspace(-9.0, 9.0, 180001)
+    density = stats.norm.pdf(x / np.where(x < 0.0, lower, 2.0 - lower))  # (2 / (s + 2 - s) is 1)
+    upto = np.cumsum(density) * (x[1] - x[0])
+    p = np.linspace(0.001, 0.999, 999)
+    assert two_piece(stats.norm.ppf(p), lower) == pytest.approx(np.interp(p, upto, x), abs=1e-3)
 
 
 def test_infinite_values_have_quantiles():

@@ -40,7 +40,7 @@ from ohmward.checks import require_between, require_each_not_negative, require_e
 from ohmward.energy.balance import running_integral
 from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.energy.peaks import Peaks
-from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantiles
+from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantiles, two_piece
 from ohmward.errors import InputError
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR
 
@@ -197,8 +197,8 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     up to here, as far as their resistance decides, and given its charge down to an earlier end.
     """
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
-    sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
-    capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_SOH_CAPACITY)
+    deviation = state.capacity_std * two_piece(z_capacity, _LOWER_SIDE_SHARE)
+    capacity = np.maximum(state.soh_capacity + deviation, _LEAST_SOH_CAPACITY)
     counted_std = min(state.counted * state.capacity_std / state.soh_capacity, state.soc_std)
     counted = counted_std / state.capacity_std * state.soh_capacity if state.capacity_std > 0.0 else 0.0
     with_capacity = counted * (1.0 - state.soh_capacity / capacity)
