@@ -62,8 +62,9 @@ and with the course known. To show where the errors come from, it is also asked 
 place of their estimates; what is left with the course known too is the power that the battery gives near its end.
 *At best over unknown ground*: the median distance over 64 courses of the same kind, by one who knows the robot, the
 day and the energy that the battery will give, but not the course.
-*Home*: where the probability of coming home on the known way back first falls below the promise, the robot turns; a
-missed return is one that stops on the way. Given up: distance of that turn short of half of the whole range.
+*Home*: where the probability of coming home on the known way back, linear between the minutes, first falls below the
+promise, the robot turns; a missed return is one that stops on the way. Given up: distance of that turn short of half of
+the whole range.
 """
 REFRESH_S, REST_S, HOURS = 60.0, 300.0, 6.0
 PROMISES = (0.95, 0.99)
@@ -361,7 +362,7 @@ def promised(
 ) -> Return:
     """What becomes of the robot that turns where the probability falls below a promise."""
     place_m = DT_S * np.cumsum(out.speed_m_s)
-    turn = next((k for k, e in estimates.items() if e.home_probability < promise), max(estimates))
+    turn = turning_second({k: e.home_probability for k, e in estimates.items()}, promise)
     back = way_back(course, place_m[turn])
     seconds = sum(leg.distance_m / leg.speed_m_s + leg.stop_s + 3.0 for leg in back)
     record = drive(rng, world, Course(tuple(back)), seconds, day=day)
@@ -370,6 +371,20 @@ def promised(
     power_W = np.concatenate([out.power_W[:turn], record.power_W[:steps]])
     _, _, stop = driven_log(case, power_W, rng, world)
     return Return(stop >= len(power_W) - 1, 1.0 - float(place_m[turn]) / (0.5 * reach_m))
+
+
+def turning_second(home_probability: dict[int, float], promise: float) -> int:
+    """Second at which the probability of coming home, by second, first falls below a promise; the last if it does not.
+
+    A robot that turned at the next of the questions, up to a minute later, would break more than it promised.
+    """
+    seconds = list(home_probability)
+    below = next((k for k in seconds if home_probability[k] < promise), seconds[-1])
+    if below == seconds[0] or home_probability[below] >= promise:
+        return below
+    before = seconds[seconds.index(below) - 1]
+    share = (home_probability[before] - promise) / (home_probability[before] - home_probability[below])
+    return before + int(share * (below - before))
 
 
 def page(drives: Sequence[Drive]) -> str:
