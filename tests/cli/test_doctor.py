@@ -224,3 +224,8 @@ def test_a_log_that_is_called_as_a_robot_is_the_log(here, as_json):
     assert [log["name"] for log in as_json("doctor", "husky")["logs"]] == ["husky"]
     Path("husky").unlink()
     assert as_json("doctor", "husky")["robots"]
+
+
+def test_a_robot_makes_a_file_without_known_columns_a_drive(tmp_path, refused):
+    (tmp_path / "x.csv").write_text("t,a,b\n0,1,1\n1,1,1\n2,1,1\n")
+    assert "no column for the speed of a wheel found" in refused("doctor", str(tmp_path / "x.csv"), "--robot", "rlma")

@@ -3,7 +3,7 @@ import json
 
 import pytest
 
-from ohmward import read_log
+from ohmward import generic_battery, load_robot, read_drive, read_log, save_battery
 from ohmward.cli.main import main
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.sinks.store import StoreSink
@@ -43,6 +43,22 @@ def test_an_export_is_a_log_that_every_command_reads(suffix, capsys):
     log = read_log(f"day{suffix}", current_sign="charge")
     assert len(log) == 40
     assert log.voltage_V[0] == 13.2 and log.current_A[0] == -3.0
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_an_export_of_the_drive_has_every_sensor_of_the_drive(suffix, capsys):
+    assert main(["store", "export", "store", "--kind", "drive", "-o", f"drive{suffix}"]) == 0
+    log = read_drive(f"drive{suffix}", load_robot("rlma"))
+    assert len(log) == 40 and (log.wheel_speed_rad_s == 5.0).all() and (log.motor_current_A == 0.8).all()
+    assert log.channels == ("yaw_rate_rad_s",) and (log.yaw_rate_rad_s == 0.1).all()
+
+
+@pytest.mark.parametrize("command", ["slip", "doctor", "mission"])
+def test_an_export_of_both_is_read_by_the_commands_for_a_drive(command, capsys):
+    assert main(["store", "export", "store", "--kind", "both", "-o", "both.csv"]) == 0
+    save_battery(generic_battery("lfp", 12.0, 4), "battery.toml")
+    battery = ["--battery", "battery.toml", "--current-sign", "charge"] if command == "mission" else []
+    assert main([command, "both.csv", "--robot", "rlma", *battery]) in (0, 1)  # 1: something is wrong with the drive
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,19 @@ def test_an_exact_name_is_better_than_a_side():
     assert speeds(["wl", "wr", "omega_fl"]) == ["omega_fl", "wr", "wl", "wr"]
 
 
+@pytest.mark.parametrize("separator", "._")
+def test_signals_name_any_wheel_and_only_that(separator):
+    wheels = Wheels(("left", "right", "swivel"), 3)
+    names = [f"wheel_speed_rad_s{separator}{place}" for place in wheels.places]
+    assert speeds(names, wheels) == names
+    assert speeds([*names, f"wheel_speed_rad_s{separator}wished_left"], wheels) == names
+
+
+def test_the_yaw_of_an_estimated_pose_is_no_sensor():
+    assert columns(["wl", "wr", "yaw_rad"])["yaw"] == "yaw_rad"
+    assert "yaw" not in columns(["wl", "wr", "yaw_rad", "position_std_m"])
+
+
 def test_numbers_count_from_one_or_from_zero():
     assert speeds(["m1vel", "m2vel", "m3vel"], OMNI) == ["m1vel", "m2vel", "m3vel"]
     assert speeds(["w0", "w1", "w2"], OMNI) == ["w0", "w1", "w2"]

@@ -6,6 +6,7 @@ The speed of a wheel follows from a rotation, from the speed of its rim, or from
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -73,6 +74,13 @@ class _OfWheel(NamedTuple):
     column: Column
     corner: frozenset[str]
     number: int | None
+    place: str = ""  #: name of the wheel, from the name of a signal
+
+
+#: Channels of the wheels by the names of their signals, whose quantity is first: `wheel_speed_rad_s.left`, in a
+#: recording of ROS `wheel_speed_rad_s_left`.
+_SIGNALS = {"wheel_speed_rad_s": WHEEL_SPEED, "wheel_counts": WHEEL_COUNTS, "motor_current_A": MOTOR_CURRENT}
+_SIGNAL = re.compile(rf"(?P<quantity>{'|'.join(_SIGNALS)})[._](?P<place>.+)")
 
 
 def find_drive_columns(
@@ -104,7 +112,8 @@ def find_drive_columns(
             _meant(key, wheels)
         given_unit(key, spelling)
     time = find_column(source, names, TIME, given, units, leave)
-    free = [name for name in names if name not in {*leave, *given.values(), time and time.name}]
+    not_measured = {"yaw_rad"} if "position_std_m" in names else set()  # of an estimated pose
+    free = [name for name in names if name not in {*leave, *not_measured, *given.values(), time and time.name}]
     speeds = find_wheels(source, free, WHEEL_SPEED, wheels, given)
     if not speeds.columns:
         speeds = find_wheels(source, free, WHEEL_COUNTS, wheels, given)
@@ -166,13 +175,13 @@ def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Whe
 
 
 def _by_corner(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> list[Column]:
-    """The columns of the corner of a wheel, or else of the side of a driven one.
+    """The columns of the name or the corner of a wheel, or else of the side of a driven one.
 
     A column of a side serves every driven wheel of it; a robot whose wheels are sides has one axle, whose columns may
     name it: `rear_left`.
     """
     corner = set(place.split("_"))
-    exact = [c.column for c in candidates if c.corner and c.corner == corner]
+    exact = [c.column for c in candidates if c.place == place or (c.corner and c.corner == corner)]
     if exact or place not in wheels.driven_places:
         return exact
     if corner <= SIDES:
@@ -192,6 +201,8 @@ def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> li
 
 def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
     """The name as a channel of a wheel, if all its words are known and one of them, or a unit of speed, names it."""
+    if signal := _SIGNAL.fullmatch(name):
+        return _of_signal(name, signal["place"], channel) if _SIGNALS[signal["quantity"]] is channel else None
     naming = frozenset[str]().union(*channel.words)
     counts = channel is WHEEL_COUNTS
     angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension in ("angle", "length")]
@@ -207,6 +218,16 @@ def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
         if named and known and (corner or numbers):
             return _OfWheel(Column(name, unit), corner, numbers[0] if numbers else None)
     return None
+
+
+def _of_signal(name: str, place: str, channel: Channel) -> _OfWheel:
+    """The column of a signal; its corner or number only if all words of the place are known."""
+    words = robot_words(place)
+    corner = CORNERS & set(words)
+    numbers = [int(word) for word in words if word.isdecimal()]
+    if {word for word in words if not word.isdecimal()} - corner - channel.beside[0] or len(numbers) > 1:
+        return _OfWheel(Column(name, channel.default), frozenset(), None, place)
+    return _OfWheel(Column(name, channel.default), corner, numbers[0] if numbers else None, place)
 
 
 def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Column:

@@ -14,6 +14,7 @@ EXAMPLES = """\
   ohmward store query ohmward-store --kind drive --from 10min
   ohmward store export ohmward-store --kind battery -o day.csv
   ohmward store export ohmward-store --kind drive --from 1d -o drive.mcap
+  ohmward store export ohmward-store --kind both --from 1d -o mission.csv
 """
 
 ACTIONS = ("list", "query", "export")
@@ -28,7 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action", choices=ACTIONS, help="list: what is there; query: rows as CSV; export: rows into a file"
     )
     parser.add_argument("folder", metavar="FOLDER", help="of the sink `store`")
-    parser.add_argument("--kind", choices=("battery", "drive"), default="battery", help="of rows (default %(default)s)")
+    parser.add_argument(
+        "--kind",
+        choices=("battery", "drive", "both"),
+        default="battery",
+        help="of rows (default %(default)s); both: as `ohmward mission` needs them",
+    )
     parser.add_argument("--names", metavar="A,B,...", help="columns; default: all")
     parser.add_argument(
         "--from",

@@ -15,7 +15,7 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
 from ohmward.logs.write import TABLES, write_table
 from ohmward.onboard.store.rows import KINDS
-from ohmward.onboard.store.store import Store
+from ohmward.onboard.store.store import Store, joined
 
 #: Number of last conditions that `list` shows.
 _CONDITIONS = 10
@@ -93,12 +93,14 @@ def _columns(
     since_s, until_s = (
         edge if given is None else given for edge, given in zip((-math.inf, math.inf), span_s, strict=True)
     )
-    found = store.read(kind, names, since_s, until_s)
+    kinds = KINDS if kind == "both" else (kind,)
+    found = joined([store.read(one, names, since_s, until_s) for one in kinds], names)
     if missing := [name for name in names or () if name not in found]:
-        known = store.read(kind, None, since_s).keys() - {"unix_ns"}
+        known = {name for one in kinds for name in store.read(one, None, since_s)} - {"unix_ns"}
         raise InputError(f"there is no column {missing[0]!r}; there are: {', '.join(sorted(known)) or 'none'}")
-    unix_ns = found.pop("unix_ns")[::every]
+    order = np.argsort(found["unix_ns"], kind="stable")[::every]
+    unix_ns = found.pop("unix_ns")[order]
     if not len(unix_ns):
         raise InputError(f"there are no rows of {kind} in that time; `ohmward store list {store.folder}` says which")
     times = {"time_s": (unix_ns - unix_ns[0]) / 1e9, "unix_time_s": unix_ns / 1e9}
-    return times | {name: column[::every] for name, column in found.items()}
+    return times | {name: column[order] for name, column in found.items()}
