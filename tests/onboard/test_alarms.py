@@ -3,6 +3,7 @@
 import asyncio
 import http.server
 import json
+import math
 import threading
 from contextlib import contextmanager
 
@@ -53,10 +54,19 @@ def test_between_two_looks_nothing_that_is_measured_is_missed():
     assert names(watch, state(time_s=0.0), reported, state(time_s=0.25)) == [(), (), ("bms",)]
 
 
-def test_the_low_end_of_the_band_counts_and_a_band_that_says_nothing_changes_nothing():
+def test_the_low_end_of_the_band_counts_and_a_band_that_says_nothing_is_an_alarm_of_its_own():
     assert names(AlarmWatch(AT_ONCE), state(0.3, 0.09)) == [("low",)]
-    assert names(AlarmWatch(AT_ONCE), state(0.5, 0.25)) == [()]
-    assert names(AlarmWatch(AT_ONCE), state(0.1), state(0.5, 0.25), state(0.1)) == [("low",)] * 3
+    assert names(AlarmWatch(AT_ONCE), state(0.5, 0.25), state(0.5, 0.25, 5.0)) == [("charge",), ()]
+    low_stays = [("low",), ("low", "charge"), ("low",)]
+    assert names(AlarmWatch(AT_ONCE), state(0.1), state(0.5, 0.25), state(0.1)) == low_stays
+
+
+def test_a_silent_battery_is_an_alarm_once_its_charge_is_not_known():
+    watch = AlarmWatch(AT_ONCE)
+    silent = state(silent=("battery",))
+    assert names(watch, silent, silent._replace(battery=None)) == [(), ("charge",)]
+    assert "no news from the sensors of the battery" in watch.alarms[0].text
+    assert names(AlarmWatch(AT_ONCE), RobotState(0.0, 0.0)) == [()]
 
 
 def test_who_charges_need_not_hear_of_it():
@@ -64,7 +74,8 @@ def test_who_charges_need_not_hear_of_it():
 
 
 def test_an_unknown_charge_leaves_an_alarm_as_it_was():
-    assert names(AlarmWatch(AT_ONCE), state(0.1), state(0.1)._replace(battery=None, slip=None)) == [("low",), ("low",)]
+    unknown = state(0.1)._replace(battery=None, slip=None, battery_time_s=math.nan)
+    assert names(AlarmWatch(AT_ONCE), state(0.1), unknown) == [("low",), ("low",)]
     slip = drive()[-1].slip
     assert slip is not None
     stuck = state(slip=slip._replace(immobilised=1.0))

@@ -13,13 +13,13 @@ import numpy as np
 
 from ohmward.checks import require_between
 from ohmward.onboard.part import LOG
-from ohmward.onboard.robot_state import Alarm, RobotState, soc_band
+from ohmward.onboard.robot_state import Alarm, RobotState, soc_band, stale
 
-#: Width beyond which the 95 % band of the charge is of no use to an operator.
-ANYTHING = 0.6
+#: Width beyond which the 95 % band of the charge is of no use to an operator, and what then helps.
+ANYTHING, NOT_KNOWN = 0.6, "The charge is not known: charge the battery fully once."
 
 #: Names of the alarms.
-_MOST_URGENT_FIRST = ("stuck", "bms", "empty", "low", "home", "cells", "slip")
+_MOST_URGENT_FIRST = ("stuck", "bms", "empty", "low", "charge", "home", "cells", "slip")
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class AlarmLimits:
 
     soc_empty: float = 0.05  #: low end of the SoC band below which the battery may be nearly empty; 0: never
     soc_low: float = 0.15  #: low end of the SoC band below which it is time to drive home; 0: never
+    #: the SoC band is wider than 60 points, so that the two limits above say nothing, or there is none
+    charge: bool = True
     home_probability: float = 0.9  #: least probability of reaching home, where `home_distance_m` is given; 0: never
     cell_spread: float = 0.1  #: largest SoC difference between cells; 1: never
     slip_ratio: float = 1.0  #: largest slip ratio of a wheel; 1: never
@@ -96,9 +98,13 @@ class AlarmWatch:
         if limits.bms:
             text = f"The battery's own management reports an alarm ({self._bms_alarm:g})."
             found["bms"] = self._bms_alarm - 0.5, 0.0, text
-        low, home = self._low(state), state.range.home_probability if state.range else math.nan
+        low, home = _low(state), state.range.home_probability if state.range else math.nan
         if self._current_A > 0.0:  # it charges
             low = home = math.inf
+        if limits.charge:
+            found["charge"] = _width(state) - ANYTHING, hysteresis, _not_known(state)
+            if self._current_A > 0.0 and not state.is_silent("battery"):
+                found["charge"] = -math.inf, hysteresis, ""
         found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
         down = f"the battery may be down to {100 * low:.0f} %" if math.isfinite(low) else "the charge may not last"
         text = f"Drive home now: {down}."
@@ -113,12 +119,23 @@ class AlarmWatch:
             found["slip"] = ratio - limits.slip_ratio, hysteresis, f"A wheel slips by {100 * ratio:.0f} %."
         return found
 
-    def _low(self, state: RobotState) -> float:
-        """Low end of the band of the charge; nan if there is none or it is too wide to be of use."""
-        if state.battery is None:
-            return math.nan
-        low, high = soc_band(state.battery.soc, state.battery.soc_std)
-        return low if high - low <= ANYTHING else math.nan
+
+def _width(state: RobotState) -> float:
+    """Width of the band of the charge; inf if it is no longer known, nan if it is not known yet."""
+    if state.battery is None:
+        return math.inf if state.is_silent("battery") else math.nan
+    low, high = soc_band(state.battery.soc, state.battery.soc_std)
+    return high - low
+
+
+def _low(state: RobotState) -> float:
+    """Low end of the band of the charge; nan if there is none or it is too wide to be of use."""
+    width = _width(state)
+    return soc_band(state.battery.soc, state.battery.soc_std)[0] if state.battery and width <= ANYTHING else math.nan
+
+
+def _not_known(state: RobotState) -> str:
+    return f"The charge is not known: {stale(state)}." if state.is_silent("battery") else NOT_KNOWN
 
 
 def _stuck(state: RobotState) -> str:

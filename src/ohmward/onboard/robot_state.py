@@ -96,7 +96,7 @@ class Diagnostic(NamedTuple):
 class Alarm(NamedTuple):
     """A condition that needs somebody's attention, see `alarms`."""
 
-    name: str  #: "stuck", "bms", "empty", "low", "home", "cells", "slip"
+    name: str  #: "stuck", "bms", "empty", "low", "charge", "home", "cells", "slip"
     text: str  #: a sentence for people, with what to do
     since_unix_s: float  #: date at which it was raised
 

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.filters.consistency import BAND_95, ELLIPSE_95
 from ohmward.json_values import plain
-from ohmward.onboard.alarms import ANYTHING
+from ohmward.onboard.alarms import ANYTHING, NOT_KNOWN
 from ohmward.onboard.robot_state import Level, RobotState, Totals, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 
@@ -54,7 +54,7 @@ def advice(state: RobotState) -> str:
     if state.battery is None or state.sample.get("battery_current_A", 0.0) > 0.0:  # it charges
         return ""
     low, high = soc_band(state.battery.soc, state.battery.soc_std)
-    return "The charge is not known: charge the battery fully once." if high - low > ANYTHING else ""
+    return NOT_KNOWN if high - low > ANYTHING else ""
 
 
 def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...]:
