@@ -79,11 +79,6 @@ class SourceClock:
         self._offset_s = math.nan
         self._late: _LateMessages | None = None
 
-    def to_ours(self, stamp_s: float, received_s: float) -> float:
-        """Observe the newest measurement; its time on our clock [s], never after its receipt."""
-        self.observe(stamp_s, received_s)
-        return self.time_s(stamp_s, received_s)
-
     def observe(self, stamp_s: float, received_s: float) -> None:
         """Update the offset by the newest measurement; a stamp that is not finite tells nothing."""
         if not math.isfinite(stamp_s):

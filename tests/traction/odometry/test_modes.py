@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,14 +35,13 @@ from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY
-from traction.odometry.examples import DT_S, INDOOR, TRACK_M, one_side_spins, samples, stop_and_go
+from traction.odometry.examples import DT_S, INDOOR, TRACK_M, one_side_spins, samples, scan, stop_and_go
 
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 NOISE = OdometryNoise(turn_share=0.0, gyro_delay_std_s=0.0, wheels_ahead_std_s=0.0)
 HALF_TRACK_M = float(RLMA.rolling[1, 1])
 STILL = Turning(0.0, True, 0.0, 0.0)
 HEARD = np.zeros(3, dtype=bool)
-_KERNELS: dict[PoseFilter, Kernel] = {}
 
 
 def step(before, rims, turning=STILL, since=0.02, robot=RLMA):
@@ -54,17 +54,20 @@ def at(speed, robot=RLMA):
     return first_modes(robot)._replace(forward_m_s=np.full(robot.driven, speed), followed_m_s=speed)
 
 
-def run(given, settings=FILTER):
+@cache
+def kernel_with_modes(settings):
+    nothing = settings.no_sample()
+
+    def both(state, sample):
+        after, estimate = settings.step(state, sample)
+        return after, (estimate, after.motion.modes.probability)
+
+    return Kernel(both, settings.init(nothing), nothing)
+
+
+def run(settings, given):
     """Estimates (T, ...), and the probabilities (T, modes)."""
-    if settings not in _KERNELS:
-        nothing = settings.no_sample()
-
-        def both(state, sample):
-            after, estimate = settings.step(state, sample)
-            return after, (estimate, after.motion.modes.probability)
-
-        _KERNELS[settings] = Kernel(both, settings.init(nothing), nothing)
-    return _KERNELS[settings].scan(settings.init(settings.no_sample()), given)[1]
+    return kernel_with_modes(settings).scan(settings.init(settings.no_sample()), given)[1]
 
 
 def rims(*speeds_m_s):
@@ -160,7 +163,7 @@ def test_no_drive_without_slip_makes_slip_more_likely_than_before(every, counts)
     for seed in range(10):
         drive = stop_and_go(seed, counts, every=every)
         given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
-        _, modes = run(samples(settings, dt_s=np.full(len(drive.pose), every * DT_S), **given), settings)
+        _, modes = run(settings, samples(settings, dt_s=np.full(len(drive.pose), every * DT_S), **given))
         more = np.concatenate([[0], 1.0 - modes[:, 0] > prior, [0]]).astype(int)
         begins, ends = np.flatnonzero(np.diff(more) > 0), np.flatnonzero(np.diff(more) < 0)
         assert ((ends - begins) * every * DT_S < 1.0).all()
@@ -183,7 +186,7 @@ def test_the_wheel_that_spins_is_named_and_the_speed_is_that_of_the_other(ramp_s
         angle = np.floor(np.cumsum(edges * DT_S, axis=0) / INDOOR.wheel.radius_m / count + rng.random(2)) * count
         speeds = np.diff(angle, axis=0, prepend=angle[:1]) / DT_S
         gyro = w + 0.01 + 0.002 * rng.standard_normal(len(w))
-        e, modes = run(samples(settings, wheel_speed_rad_s=speeds, yaw_rate_rad_s=gyro), settings)
+        e, modes = run(settings, samples(settings, wheel_speed_rad_s=speeds, yaw_rate_rad_s=gyro))
         during = (time_s > 15.0) & (time_s < 21.0)
         named = np.flatnonzero(modes[during][:, 1 + side] > 0.5)
         assert named[0] * DT_S < within_s
@@ -199,7 +202,7 @@ def test_one_wheel_that_spins_up_slowly_neither_moves_nor_turns_the_robot():
     time_s = DT_S * np.arange(1000)
     right = np.full(1000, 0.5)
     left = 0.5 + np.where((time_s >= 5) & (time_s < 9), 2.0 * (2.0 - abs(time_s - 7.0)), 0.0)
-    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(left, right), yaw_rate_rad_s=np.zeros(1000)))
+    _, e = scan(FILTER, samples(FILTER, wheel_speed_rad_s=rims(left, right), yaw_rate_rad_s=np.zeros(1000)))
     assert not (e.flags.astype(int) & OdometryFlag.WHEEL_JUMP).any()
     assert e.x_m[-1] == pytest.approx(10.0, abs=0.1)
     assert abs(e.y_m[-1]) < 0.05
@@ -210,7 +213,7 @@ def test_the_band_covers_wheels_that_all_spin():
     """Both rims gain 3 m/s at 15 m/s^2 and hold it for a second; the robot goes on at 0.5 m/s."""
     time_s = DT_S * np.arange(600)
     both = 0.5 + np.clip(15.0 * (time_s - 5.0), 0.0, 3.0) * (time_s < 6.0)
-    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(both, both), yaw_rate_rad_s=np.zeros(600)))
+    _, e = scan(FILTER, samples(FILTER, wheel_speed_rad_s=rims(both, both), yaw_rate_rad_s=np.zeros(600)))
     true_m = 0.5 * time_s
     assert e.pose_cov[-1, 0, 0] ** 0.5 > 0.5
     assert abs(e.x_m[-1] - true_m[-1]) < 3 * e.pose_cov[-1, 0, 0] ** 0.5
@@ -232,7 +235,7 @@ def test_outside_speeds_take_back_the_way_that_wheels_spun(rate_hz):
         edge = rolls * (1.0 + 0.005 * rng.standard_normal()) + spins
         gyro = 0.01 + 0.002 * rng.standard_normal(2000)
         given = {"wheel_speed_rad_s": rims(edge, edge), "yaw_rate_rad_s": gyro, "speed_m_s": heard}
-        e, _ = run(samples(FILTER, **given))
+        _, e = scan(FILTER, samples(FILTER, **given))
         nees.append((e.x_m[-1] - np.sum(rolls) * DT_S) ** 2 / e.pose_cov[-1, 0, 0])
     assert np.sum(np.array(nees) > chi2.ppf(0.99, 1)) <= 1
 
@@ -256,7 +259,7 @@ def test_the_end_of_a_spin_is_seen_between_two_outside_speeds():
         heard = np.where(np.arange(1000) % 50 == 5 * seed, rolls + 0.05 * rng.standard_normal(1000), math.nan)
         gyro = 0.002 * rng.standard_normal(1000)
         given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": gyro, "speed_m_s": heard}
-        e, _ = run(samples(FILTER, **given))
+        _, e = scan(FILTER, samples(FILTER, **given))
         after = (time_s > 8.0) & (time_s < 9.0)
         off = (e.speed_m_s - rolls)[after] / np.sqrt(e.twist_cov[after, 0, 0])
         covered.append(np.mean(np.abs(off) < 1.96))
@@ -298,7 +301,9 @@ def test_an_outside_speed_that_fell_silent_takes_no_way_back():
 
 def test_a_gyro_that_glitches_does_not_move_the_robot():
     gyro = np.where(np.arange(500) % 50 == 25, 5.0, 0.0) * np.where(np.arange(500) % 100 == 25, 1.0, -1.0)
-    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(np.full(500, 0.5), np.full(500, 0.51)), yaw_rate_rad_s=gyro))
+    _, e = scan(
+        FILTER, samples(FILTER, wheel_speed_rad_s=rims(np.full(500, 0.5), np.full(500, 0.51)), yaw_rate_rad_s=gyro)
+    )
     assert e.distance_m[-1] == pytest.approx(0.505 * 500 * DT_S, rel=0.002)
 
 
@@ -310,7 +315,7 @@ def test_the_lever_is_half_the_track():
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_skid_steered_robot_one_side_of_which_spins_goes_as_fast_as_the_other(side, outside):
     settings, given, spins = one_side_spins(side, outside, np.random.default_rng(side))
-    estimate, _ = run(given, settings)
+    _, estimate = scan(settings, given)
     error = estimate.speed_m_s - 0.8
     std = np.sqrt(estimate.twist_cov[:, 0, 0])
     assert np.sqrt(np.mean(error[spins] ** 2)) < 0.06  # the mean of both sides is wrong by 0.25
