@@ -30,7 +30,8 @@ _TEXTS = (
     (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
 )
 #: The reader of python-can for the one binary format.
-_BLF = "BLFReader"
+_BLF, _BLF_MAGIC = "BLFReader", b"LOGG"
+_HEAD_BYTES = 4096
 _FRAME_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
 _GROUP_BYTES, _GROUP_TIMES = 16 << 20, 1000
@@ -239,6 +240,20 @@ def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.
 _Received = tuple[tuple[int, bool], float, bytes]
 
 
+def received_frames(path: Path) -> Iterator[_Received]:
+    """The frames in a recording of a CAN bus: candump, ASC, BLF, TRC or a table of python-can or SavvyCAN.
+
+    Raises:
+        InputError: it is none of these, or cannot be read.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    reader = _BLF if head.startswith(_BLF_MAGIC) else can_reader(head)
+    if reader is None:
+        raise InputError(f"{path.name}: no readable recording of CAN; record it with candump -l")
+    yield from _of_python_can(path, reader, []) if reader else _of_savvycan(path, None, [])
+
+
 def _by_identifier(path: Path, received: Iterable[_Received]) -> list[CanFrames]:
     """The frames of each identifier, in order; InputError where there is none."""
     times: dict[tuple[int, bool], list[float]] = defaultdict(list)
@@ -327,7 +342,7 @@ def _without_database(path: Path) -> InputError:
 
 #: Opener of each format that is recognised by its first bytes.
 OPENERS: dict[bytes, Opener] = {
-    b"LOGG": partial(open_can, reader=_BLF),
+    _BLF_MAGIC: partial(open_can, reader=_BLF),
     b"MDF     ": open_mdf,
     b"UnFinMF ": open_mdf,
 }

@@ -14,6 +14,7 @@ import numpy as np
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.bags.bag_table import open_recording
 from ohmward.logs.bags.recording import CDR, Topic
+from ohmward.logs.can_file import received_frames
 from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
 from ohmward.onboard.message import as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker
@@ -22,7 +23,6 @@ from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameReader
 from ohmward.onboard.sources.serial import SerialSource
-from ohmward.optional import require
 
 #: Most names recorded; a broker with more serves a whole building, and the rest is left out.
 MOST_NAMES = 2000
@@ -69,16 +69,9 @@ def of_can_log(path: str, database: CanDatabase) -> list[Offered]:
     Raises:
         InputError: it cannot be read, or the database knows none of its frames.
     """
-    can = require("can", "a recording of CAN")
     heard = Heard()
-    try:
-        with can.LogReader(path) as frames:
-            for frame in frames:
-                heard.put(
-                    frame.timestamp, database.decoded(frame.arbitration_id, frame.is_extended_id, frame.data) or {}
-                )
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: no readable recording of CAN ({error}); record it with candump -l") from error
+    for (identifier, is_extended), time_s, payload in received_frames(Path(path)):
+        heard.put(time_s, database.decoded(identifier, is_extended, payload) or {})
     if not heard.names:
         raise InputError(f"{path}: {database.path} knows none of its frames; name the database of this bus with --dbc")
     return of_database(database, heard)
