@@ -1,6 +1,7 @@
 import asyncio
 import json
 
+import numpy as np
 import pytest
 
 from ohmward import generic_battery, load_robot, read_drive, read_log, save_battery
@@ -49,8 +50,8 @@ def test_an_export_is_a_log_that_every_command_reads(suffix, capsys):
 def test_an_export_of_the_drive_has_every_sensor_of_the_drive(suffix, capsys):
     assert main(["store", "export", "store", "--kind", "drive", "-o", f"drive{suffix}"]) == 0
     log = read_drive(f"drive{suffix}", load_robot("rlma"))
-    assert len(log) == 40 and (log.wheel_speed_rad_s == 5.0).all() and (log.motor_current_A == 0.8).all()
-    assert log.channels == ("yaw_rate_rad_s",) and (log.yaw_rate_rad_s == 0.1).all()
+    assert len(log) == 40 and np.all(log.wheel_speed_rad_s == 5.0) and np.all(log.motor_current_A == 0.8)
+    assert log.channels == ("yaw_rate_rad_s",) and np.all(log.yaw_rate_rad_s == 0.1)
 
 
 @pytest.mark.parametrize("command", ["slip", "doctor", "mission"])

@@ -277,7 +277,7 @@ def late_speeds(robot_m_s, rim_m_s, age_s, std_m_s=0.0, seed=0):
 
 def test_a_late_speed_is_predicted_over_its_age_once():
     speed = 0.5 * np.clip(DT_S * np.arange(300) - 1.0, 0.0, 4.0)
-    e, _ = run(late_speeds(speed, speed, 0.3))
+    e, _ = run(FILTER, late_speeds(speed, speed, 0.3))
     assert np.abs(e.speed_m_s - speed).max() < 0.005
 
 
@@ -287,7 +287,7 @@ def test_corrections_by_late_speeds_are_not_predicted_again():
     spins = 0.4 * np.clip(np.minimum(time_s - 5.0, 10.0 - time_s) / 0.3, 0.0, 1.0)
     speed = 0.5 * np.clip(time_s, 0.0, 1.0)
     for seed in range(4):
-        e, _ = run(late_speeds(speed, speed + spins, 0.4, 0.05, seed))
+        e, _ = run(FILTER, late_speeds(speed, speed + spins, 0.4, 0.05, seed))
         assert np.abs(e.speed_m_s - speed).max() < 0.45
         assert np.sqrt(np.mean((e.speed_m_s - speed)[(time_s > 7.0) & (time_s < 9.5)] ** 2)) < 0.1
 

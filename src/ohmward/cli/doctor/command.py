@@ -140,7 +140,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         log = _read(path, of_kinds(reading, of_battery=True), file)
     except InputError as error:
         # a robot was given for a drive, also for one whose wheels are not recognised
-        places = places or tuple(place.name for place in options.robot.places if options.robot)
+        places = places or (tuple(place.name for place in options.robot.places) if options.robot else ())
         if not places or _is_of_battery(file, dict(reading.columns)):
             raise
         refused = error
