@@ -250,6 +250,12 @@ def test_an_estimate_that_cannot_be_spoils_no_band(field, value):
     assert 0.1 * expected.p10 < found.p10 < found.p90 < 2.0 * expected.p90
 
 
+@pytest.mark.parametrize(("soc", "flags"), [(1.2, 0), (-0.2, RangeFlag.RESERVE), (-1e9, RangeFlag.NO_SOC)])
+def test_an_estimate_may_overshoot(soc, flags):
+    estimate = SocEstimate(soc, 0.01, V, 0.1, 0.0, 0.0, 0.1, 1.0, 0.05, 1.0, 0.05, 0)
+    assert new().update(0.0, estimate, 0.5, -1.0, V).flags == flags
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
 def test_an_estimate_without_a_standard_deviation_is_missing(value):
     estimate = SocEstimate(0.8, value, V, 0.1, 0.0, 0.0, 0.1, 1.0, 0.05, 1.0, 0.05, 0)

@@ -39,6 +39,8 @@ from ohmward.traction.robot.robot import Robot
 
 #: A state of charge outside [0, 1] by no more than this is rounded; farther outside it is none.
 ROUNDED_SOC = 0.05
+#: An estimate may overshoot while it settles; farther from half charge than this it is none.
+MOST_OVERSHOOT = 1.0
 #: Credible capacity and resistance, relative to the file's.
 CREDIBLE_RATIO = 0.05, 20.0
 #: Longest credible way home [m].
@@ -239,7 +241,7 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
     if not isinstance(soc, SocEstimate):
         value = number("soc", soc)
         return SocNow(min(max(value, 0.0), 1.0) if _is_share(value) else math.nan, temperature_degC=temperature_degC)
-    is_known = math.isfinite(soc.soc) and 0.0 <= soc.soc_std <= 1.0
+    is_known = abs(soc.soc - 0.5) <= MOST_OVERSHOOT and 0.0 <= soc.soc_std <= 1.0
     return SocNow(
         min(max(float(soc.soc), 0.0), 1.0) if is_known else math.nan,
         float(soc.soc_std),
