@@ -174,9 +174,15 @@ def test_a_message_that_is_refused_for_good_does_not_hold_up_the_next(monkeypatc
     feed = Feed()
     for alarms in ((LOW,), ()):
         feed.put(state(unix_s=1.8e9, alarms=alarms))
-    feed.end()
+
+    async def run(url):
+        task = asyncio.create_task(WebhookSink(url).run(feed))
+        await until(lambda: len(got) == 1, 20.0)
+        feed.end()
+        await asyncio.wait_for(task, 10.0)
+
     with hook(400, 200) as (url, got):
-        asyncio.run(asyncio.wait_for(WebhookSink(url).run(feed), 20.0))
+        asyncio.run(run(url))
     assert [one["active"] for one in got] == [False]
 
 

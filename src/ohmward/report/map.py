@@ -132,7 +132,7 @@ def to_px(area: Area, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def thinned(points: np.ndarray) -> np.ndarray:
     """The points (n, 2) that a line needs to look the same: each at least `NEAR_PX` from the last one kept."""
     rows, (last_x, last_y) = [0], points[0].tolist()
-    for k, (x, y) in enumerate(points.tolist()):  # numbers of Python: thirty times as fast as rows of NumPy
+    for k, (x, y) in enumerate(points.tolist()):  # numbers of Python: four times as fast as rows of NumPy
         if abs(x - last_x) >= NEAR_PX or abs(y - last_y) >= NEAR_PX:
             last_x, last_y = x, y
             rows.append(k)

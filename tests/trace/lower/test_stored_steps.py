@@ -1,9 +1,11 @@
 """Steps that a process finds on disk, against those that it traces."""
 
 import copy
+import hashlib
 import os
 import subprocess
 import sys
+import time
 from typing import Any
 
 import numpy as np
@@ -126,6 +128,14 @@ def test_nothing_is_stored_of_a_file_that_was_edited_meanwhile(monkeypatch):
     monkeypatch.setattr(reach, "_STARTED_UNIX_S", 0.0)
     reach._file_digest.cache_clear()
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
+
+
+def test_a_file_from_the_future_was_not_edited_meanwhile(tmp_path):
+    file = tmp_path / "module.py"
+    file.write_text("")
+    later = time.time() + 1e6  # by the clock of this machine, which is behind
+    os.utime(file, (later, later))
+    assert reach._file_digest(str(file)) == hashlib.sha256(b"").hexdigest()
 
 
 def test_nothing_is_stored_of_a_module_without_a_file(monkeypatch):
