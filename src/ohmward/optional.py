@@ -29,7 +29,9 @@ _ON_THE_INDEX = {
 _ELSEWHERE = {
     "rclpy": "comes with ROS 2: source /opt/ros/DISTRO/setup.bash in the shell that starts ohmward; without ROS, on "
     "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-std-srvs ros-sensor-msgs ros-nav-msgs "
-    "ros-geometry-msgs ros-diagnostic-msgs"
+    "ros-geometry-msgs ros-diagnostic-msgs",
+    "tf2_msgs": "comes with ROS 2 alone: apt install ros-DISTRO-tf2-msgs and source /opt/ros/DISTRO/setup.bash, or use "
+    'transport = "zenoh"',
 }
 
 

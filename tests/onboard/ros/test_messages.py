@@ -16,6 +16,7 @@ from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import read, serialize
 from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
+from ohmward.optional import require
 from ohmward.traction import RLMA
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.speed_observer.estimator import SlipEstimator
@@ -277,11 +278,13 @@ class Recorder:
         self.stamps[topic].append(round(numbers[f"{path}.sec"] - 1.7e9 + 1e-9 * numbers[f"{path}.nanosec"], 3))
 
 
-def stamps_of(*states: RobotState) -> dict[str, list[float]]:
+def stamps_of(
+    *states: RobotState, recorder: Recorder | None = None, feed: Feed | None = None
+) -> dict[str, list[float]]:
     """Stamps on each topic of the node of ROS while these states come."""
+    recorder, feed = recorder or Recorder(), feed or Feed()
 
     async def run() -> None:
-        feed = Feed()
         sink = Ros2Sink(interval_s=0.0, publish_tf=True)
         task = asyncio.create_task(sink.run_on(recorder, feed))  # type: ignore[arg-type]
         for state in states:
@@ -290,9 +293,33 @@ def stamps_of(*states: RobotState) -> dict[str, list[float]]:
         feed.end()
         await task
 
-    recorder = Recorder()
     asyncio.run(run())
     return recorder.stamps
+
+
+class WithoutTransforms(Recorder):
+    """A transport on a computer without the package of /tf."""
+
+    def advertise(self, topic, type_):
+        if type_ == types.TF:
+            require("no_such_package_of_messages", "rclpy")
+        super().advertise(topic, type_)
+
+
+def test_without_the_package_of_a_message_the_others_are_sent():
+    feed = Feed()
+    found = stamps_of(at(5.0, driven()), recorder=WithoutTransforms(), feed=feed)
+    assert found["ohmward/odometry"] and "/tf" not in found
+    assert feed.trouble.startswith("/tf is not sent: rclpy needs no_such_package_of_messages, which is not installed")
+
+
+def test_conditions_of_robots_in_namespaces_have_different_names():
+    names = [
+        one["name"]
+        for namespace in ("", "/r1", "r2/")
+        for one in messages.diagnostics(driven(), "", 1.7e9, Ros2Sink(namespace=namespace).full_name)["status"][:1]
+    ]
+    assert names == ["ohmward: charge", "/r1/ohmward: charge", "/r2/ohmward: charge"]
 
 
 def silent_at(time_s: float) -> RobotState:

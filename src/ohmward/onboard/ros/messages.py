@@ -147,26 +147,27 @@ def twist(state: RobotState, frames: Frames) -> Message:
     return {"header": header(state.date_s("drive"), frames.base), "twist": moved}
 
 
-def diagnostics(state: RobotState, robot: str, stamp_s: float) -> Message:
+def diagnostics(state: RobotState, robot: str, stamp_s: float, node: str = "ohmward") -> Message:
     """`diagnostic_msgs/DiagnosticArray`: charge, drive, and the condition of every sensor, source and sink.
 
     robot: its name.  stamp_s: date of the message, seconds since 1970.
+    node: its full name, which tells the conditions of several robots apart.
     """
     conditions = [*_estimates(state), *state.diagnostics]
     return {
         "header": header(stamp_s, ""),
-        "status": [_status_message(condition, robot) for condition in conditions],
+        "status": [_status_message(condition, robot, node) for condition in conditions],
     }
 
 
-def _status_message(condition: Diagnostic, robot: str) -> Message:
+def _status_message(condition: Diagnostic, robot: str, node: str) -> Message:
     values = [
         {"key": key, "value": value if isinstance(value, str) else f"{value:.9g}"}
         for key, value in condition.values.items()
     ]
     return {
         "level": int(condition.level),
-        "name": f"ohmward: {condition.name}",
+        "name": f"{node}: {condition.name}",
         "message": condition.message,
         "hardware_id": robot,
         "values": values,

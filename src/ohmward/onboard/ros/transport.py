@@ -89,6 +89,12 @@ class RosNetwork:
                 raise InputError(f"namespace must be names of letters, digits and _ with /, got {self.namespace!r}")
 
     @property
+    def full_name(self) -> str:
+        """Name of the node with its namespace, "/robot1/ohmward"; the node alone without one."""
+        parts = list(filter(None, self.namespace.split("/")))
+        return "/".join(["", *parts, self.node]) if parts else self.node
+
+    @property
     def uses_rclpy(self) -> bool:
         """True if messages go through rclpy."""
         return self.transport == "rclpy" or (self.transport == "auto" and find_spec("rclpy") is not None)

@@ -19,6 +19,7 @@ from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
+from ohmward.optional import MissingPackageError
 from ohmward.quantities import names_of
 
 #: Most states that waited for the network to be sent once it is there, as a writer keeps that many: readers of poses
@@ -69,13 +70,19 @@ class Ros2Sink(RosNetwork):
         """Publish through the node of this transport."""
         battery = load_battery(self.battery) if self.battery else None
         translation = Translation(self, battery)
+        missing: dict[str, str] = {}
         for topic, type_ in self.advertised():
-            await asyncio.to_thread(transport.advertise, topic, type_)
+            try:
+                await asyncio.to_thread(transport.advertise, topic, type_)
+            except MissingPackageError as error:  # of one type of message; the others are sent
+                missing[topic] = f"{topic} is not sent: {error}"
+        feed.trouble = "; ".join(missing.values())
         feed.put_back((await feed.batch())[-NEWEST:])
         async for state in feed:
             transport.check()
             for topic, type_, payload in translation.messages(state):
-                transport.publish(topic, type_, payload)
+                if topic not in missing:
+                    transport.publish(topic, type_, payload)
 
     def advertised(self) -> Iterator[tuple[str, str]]:
         """Topic and type of each message that is sent."""
@@ -150,7 +157,7 @@ class Translation:
                 yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
         if sink.diagnostics and self._conditions.passes(state.time_s):
             self._is_newer("conditions", Stamp(state.time_s, state.unix_s))
-            conditions = messages.diagnostics(state, sink.robot, self._stamps["conditions"].date_s)
+            conditions = messages.diagnostics(state, sink.robot, self._stamps["conditions"].date_s, sink.full_name)
             yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, conditions)
 
     def _is_newer(self, what: str, stamp: Stamp) -> bool:
