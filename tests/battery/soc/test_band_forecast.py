@@ -48,10 +48,13 @@ def test_a_better_sensor_is_worth_more_where_the_sensor_is_bad():
     assert first.bands[0].known_start < forecast(bad, [25.0])[0].known_start
 
 
-def test_a_curve_that_nobody_measured_calls_for_the_slow_test_and_a_capacity_for_a_discharge():
+def test_a_curve_that_nobody_measured_calls_for_the_slow_test():
     first, *_ = forecasts_after_tests(NMC, [25.0])
     assert first.test == "after a slow discharge and a slow charge"
     assert first.bands[0].known_start < 0.5 * forecast(NMC, [25.0])[0].known_start
+
+
+def test_a_capacity_that_is_unsure_calls_for_a_discharge():
     sensor = CurrentSensor(0.01, offset_std_A=0.001, offset_walk_A=0.0, gain_std=0.001)
     unsure = replace(LFP, noise=replace(CURVE, capacity_std=0.3), sensor=sensor)
     gains = {one.test: one.bands[0].known_start for one in forecasts_after_tests(unsure, [25.0])}

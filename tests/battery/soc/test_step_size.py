@@ -25,7 +25,7 @@ OPERATIONS = {
 
 
 @pytest.mark.parametrize(("name", "operations"), OPERATIONS.items())
-def test_a_step_does_no_more_than_is_said(name, operations):
+def test_the_operations_of_a_step_are_these(name, operations):
     estimator = make_estimator(name, BATTERY)
     nothing = SocSample(0.0, 0.0, 0.0, 0.0)
     program = trace(estimator.step, estimator.init(nothing), nothing)
