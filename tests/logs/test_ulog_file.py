@@ -99,6 +99,17 @@ def test_a_signalling_nan_is_missing(tmp_path):
     assert np.isnan(log.voltage_V).sum() == 1
 
 
+def test_an_unknown_message_that_is_cut_off_ends_the_reading(tmp_path):
+    """It claims a hundred bytes, of which the file has five."""
+    path = tmp_path / "log.ulg"
+    write_ulog(path)
+    content = path.read_bytes()
+    definitions = content[: content.index(b"A", content.index(b"wheel_speed")) - 2]
+    path.write_bytes(definitions + struct.pack("<HB", 100, 0) + bytes([1] * 5))
+    with pytest.raises(InputError, match="no topic of type battery_status"):
+        read_log(path)
+
+
 def test_a_file_that_is_no_ulog_inside_is_refused(tmp_path):
     path = tmp_path / "bad.ulg"
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(5))

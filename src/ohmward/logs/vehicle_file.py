@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -30,6 +31,26 @@ _PX4 = {
 }
 
 
+class _UlogStream(io.BufferedReader):
+    """A file whose relative seeks go from where a read that the end cut short should have ended.
+
+    pyulog goes back by the length of a message that it has read, and would never get past one that is cut off.
+    """
+
+    _lacking = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        self._lacking = max((size or 0) - len(data), 0)
+        return data
+
+    def seek(self, target: int, whence: int = io.SEEK_SET, /) -> int:
+        if whence == io.SEEK_CUR:
+            target += self._lacking
+        self._lacking = 0
+        return super().seek(target, whence)
+
+
 def open_ulog(path: Path, hints: FileHints) -> TableFile:
     """The columns of a ULog file; of a truncated one those before the cut."""
     pyulog = require("pyulog", "a ULog file")
@@ -37,7 +58,7 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     with (
         parsing(path, "no readable ULog file", "download it from the vehicle again"),
         silenced(),  # it prints what it cannot read
-        path.open("rb") as stream,
+        _UlogStream(io.FileIO(path)) as stream,
     ):
         log = pyulog.ULog(stream, disable_str_exceptions=True)
     streams = {}
