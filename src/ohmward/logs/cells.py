@@ -140,6 +140,9 @@ def without_words(
 
     A cell with a digit in it may be a number that is written in another way: then all stay text.
     """
+    first = cells[:_FIRST_CELLS]
+    if parse_cells(np.where(are_words(first), "", first).tolist(), marks, unit).dtype == object:  # dates, states
+        return cells, ()
     words = are_words(cells)
     numbers = parse_cells(np.where(words, "", cells).tolist(), marks, unit) if words.any() else cells
     if numbers.dtype == object:
@@ -151,7 +154,7 @@ def without_words(
 
 def are_words(cells: np.ndarray) -> np.ndarray:
     """Mask (T,) of the cells without any digit that do not mean a missing value; none if more than a few are such."""
-    words = np.array([not any(map(str.isdigit, cell)) and cell.strip().lower() not in MISSING for cell in cells], bool)
+    words = np.array([_DIGIT.search(cell) is None and cell.strip().lower() not in MISSING for cell in cells], bool)
     return words if words.sum() <= _MOST_WORDS * words.size else np.zeros(words.size, bool)
 
 
@@ -195,6 +198,7 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
         return None
 
 
+_DIGIT = re.compile(r"\d")
 #: Largest share of words among the cells of a column of numbers; cells from which a notation is found.
 _MOST_WORDS, _FIRST_CELLS = 0.1, 200
 #: Units of quantities that no channel has, in lower case.

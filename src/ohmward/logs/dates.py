@@ -172,12 +172,19 @@ def _moment(cell: str) -> Moment:
     if found := _TIME.search(text):
         second, ahead_h, zone = _second_of_day(found), _hours_ahead(found), found["zone"] or ""
         text = f"{text[: found.start()]} {text[found.end() :]}"
-    day = " ".join(_WEEKDAY.sub("", text).replace(",", ", ").split()).strip(" ,T")
-    if not day or not any(notation.match(day) for notation in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _NAMED_FIRST)):
+    if not (day := _day(text)):
         raise ValueError(cell)
     if ahead_h is None:
         return Moment(day, second, False, zone)
     return Moment(day, second - SECONDS_PER_HOUR * ahead_h, True)
+
+
+@lru_cache(4096)
+def _day(text: str) -> str:
+    """The day in a date without its time, without the weekday; "" if there is none."""
+    day = " ".join(_WEEKDAY.sub("", text).replace(",", ", ").split()).strip(" ,T")
+    is_day = any(notation.match(day) for notation in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _NAMED_FIRST))
+    return day if is_day else ""
 
 
 def _hours_ahead(found: re.Match[str]) -> float | None:
