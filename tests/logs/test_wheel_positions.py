@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.logs import read_drive, write_table
+from ohmward.logs.wheel_columns import even_times
 from ohmward.traction import RLMA
 
 T = 0.05 * np.arange(400)
@@ -116,6 +117,14 @@ def test_positions_that_arrive_in_bursts_lose_no_way_and_show_no_spike(held_up, 
     assert turned == pytest.approx(ANGLE[-1] - ANGLE[1], abs=1e-6)
     assert np.nanmax(speed) < 1.25 * SPEED.max()
     assert any("arrived in bursts" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("together", [2, 3, 7])
+def test_bursts_of_equal_size_are_spread_over_the_time_in_which_they_were_measured(together):
+    """Rows are measured every 0.05 s and arrive with the last one of their burst."""
+    last = np.minimum(together * (np.arange(T.size) // together + 1) - 1, T.size - 1)
+    even_s = even_times(T[last] + 2e-4 * (np.arange(T.size) % together))
+    assert np.abs(even_s - T).max() < 0.01
 
 
 def test_positions_that_come_evenly_or_with_pauses_keep_their_times(tmp_path):

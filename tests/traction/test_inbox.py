@@ -198,6 +198,18 @@ def test_a_count_at_the_stamp_of_the_one_before_is_not_lost():
     assert_allclose([speed for speed in speeds if math.isfinite(speed)], 2 * math.pi, rtol=1e-9)
 
 
+def test_counts_that_arrive_in_bursts_lose_no_way_and_show_no_spike():
+    """Counts are read at 10 Hz and arrive three at a time."""
+    inbox = SensorInbox(RLMA, delay_s=0.02, counts_per_turn=1000)
+    for k in range(300):
+        inbox.put(0.1 * (3 * (k // 3) + 2) + 2e-4 * (k % 3), wheel_counts=[10 * k, 10 * k])
+    samples = [*inbox.take(), *inbox.flush()]
+    known = [(s["time_s"], s["wheel_speed_rad_s"][0]) for s in samples if math.isfinite(s["wheel_speed_rad_s"][0])]
+    times_s, speeds = np.array(known)[40:].T
+    assert_allclose(speeds, 2 * math.pi * 0.1, rtol=1e-3)
+    assert_allclose(np.diff(times_s), 0.3, rtol=1e-3)
+
+
 @pytest.mark.parametrize("behind_s", [0.0, 0.004, 0.03])
 def test_wheels_behind_the_gyro_make_samples_of_their_own_time_each(behind_s):
     """Wheels at 50 Hz arrive with the gyro at 200 Hz, with stamps that are older."""

@@ -408,9 +408,21 @@ def even_times(time_s: np.ndarray) -> np.ndarray:
     """
     if time_s.size < _FEWEST_ROWS:
         return time_s
-    step_s = _USUAL_SHARE * float(np.median(time_s[_TOGETHER:] - time_s[:-_TOGETHER])) / _TOGETHER
-    counted_s = step_s * np.arange(time_s.size)
+    counted_s = _USUAL_SHARE * usual_interval_s(time_s) * np.arange(time_s.size)
     return np.minimum.accumulate((time_s - counted_s)[::-1])[::-1] + counted_s
+
+
+def usual_interval_s(time_s: np.ndarray) -> float:
+    """Usual interval [s] at which rows that may arrive in bursts, at times (T,) [s], were measured.
+
+    Many rows together show it, from the last row of one burst to that of another: from any row to any other, the phase
+    of the bursts would make it too long.
+    """
+    together_s = float(np.median(time_s[_TOGETHER:] - time_s[:-_TOGETHER])) / _TOGETHER
+    last = np.flatnonzero(np.append(np.diff(time_s) >= _BURST * together_s, True))
+    later = np.searchsorted(last, last + _TOGETHER)
+    first, end = last[later < last.size], last[later[later < last.size]]
+    return float(np.median((time_s[end] - time_s[first]) / (end - first))) if end.size else together_s
 
 
 def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float) -> tuple[np.ndarray, str]:

@@ -19,6 +19,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.quantities import BODY
+from ohmward.traction.motion.sample import SHORTER
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.encoders import differences
 
@@ -27,6 +28,9 @@ HEADING = ("heading_rad", "heading_std_rad")
 _BODY = frozenset(BODY)
 #: Rates: their mean over a step gives the change in it, their newest value would turn a vibration into a slow change.
 _RATES = frozenset({"yaw_rate_rad_s", "acceleration_m_s2"})
+#: Share of the usual interval of counts below which one is part of a burst, and largest factor by which one gap between
+#: two lengthens that interval: the first gap may be one within a burst.
+BURST, LONGER_COUNT = 1.0 / 3.0, 2.0
 #: Arguments of `SensorInbox.put` that have a value for each wheel or motor.
 WHEELS = ("wheel_speed_rad_s", "wheel_counts", "current_A")
 
@@ -42,6 +46,14 @@ class _Message(NamedTuple):
     counts: dict[int, float]
     currents: list[float]
     body: Mapping[str, float]
+
+
+class _Count(NamedTuple):
+    """Last count of a wheel, and its usual interval [s]; 0 before the second one."""
+
+    stamp_s: float
+    counted: int
+    usual_s: float = 0.0
 
 
 class SensorInbox:
@@ -90,7 +102,7 @@ class SensorInbox:
         self._newest_s = self._taken_s = -math.inf
         self._odd_s = math.nan
         self._before_clock_set: list[dict[str, Any]] = []
-        self._counts: dict[int, tuple[float, int]] = {}
+        self._counts: dict[int, _Count] = {}
         self._start_s = self._sample_s = self._speed_s = math.nan
         self._reported_s: dict[int, float] = {}
         self._speeds: dict[int, float] = {}
@@ -192,16 +204,21 @@ class SensorInbox:
         return all(wheel in self._speeds for wheel, at_s in self._reported_s.items() if at_s > since_s)
 
     def _speeds_of(self, stamp_s: float, message: _Message) -> dict[int, float]:
-        """Speeds [rad/s] in a message by wheel; counts give the mean since the wheel's previous count."""
+        """Speeds [rad/s] in a message by wheel; counts give the mean since the wheel's previous count.
+
+        A count sooner than usual is one of a burst, measured before it arrived; the next one contains its turn.
+        """
         if not message.counts:
             return message.speeds
         speeds = dict(message.speeds)
         for wheel, counted in message.counts.items():
-            before_s, before = self._counts.setdefault(wheel, (stamp_s, int(counted)))
-            if stamp_s > before_s:
-                (turned,) = differences(np.array([[before], [int(counted)]]), self.bits)[:, 0]
-                speeds[wheel] = 2 * math.pi * turned / self.counts_per_turn / (stamp_s - before_s)
-                self._counts[wheel] = stamp_s, int(counted)
+            last = self._counts.setdefault(wheel, _Count(stamp_s, int(counted)))
+            since_s = stamp_s - last.stamp_s
+            if since_s > BURST * last.usual_s:
+                (turned,) = differences(np.array([[last.counted], [int(counted)]]), self.bits)[:, 0]
+                speeds[wheel] = 2 * math.pi * turned / self.counts_per_turn / since_s
+                followed_s = min(max(since_s, SHORTER * last.usual_s), LONGER_COUNT * last.usual_s)
+                self._counts[wheel] = _Count(stamp_s, int(counted), followed_s or since_s)
         return speeds
 
     def _is_over(self, stamp_s: float, speeds: Mapping[int, float]) -> bool:
