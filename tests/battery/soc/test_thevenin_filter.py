@@ -54,7 +54,10 @@ def test_reduces_to_a_kalman_filter_written_by_hand():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_is_the_filter_of_filterpy(method):
-    """The same functions, Q and R in a filter that others wrote, step by step from the same belief."""
+    """The same functions, Q and R in a filter that others wrote, step by step from the same belief.
+
+    The capacity follows a voltage only as far as it shows more than earlier ones, see `count_once`.
+    """
     settings = TheveninFilter(NMC, NOISE, method=method)
     columns = samples(simulate(NMC, drive(np.random.default_rng(3), 120), 0.6), 0.02, NOISE)
     state = settings.init(row(columns, 0), 0.6)
@@ -63,8 +66,10 @@ def test_is_the_filter_of_filterpy(method):
         mean, cov = peer_step(settings, state, sample)
         state, _ = settings.step(state, sample)
         ours = unpack(state.belief)
-        assert ours.mean == pytest.approx(mean, abs=1e-9)
-        assert ours.cov == pytest.approx(cov, abs=1e-10)
+        others = np.arange(mean.size) != settings.system.gain_index
+        assert ours.mean[others] == pytest.approx(mean[others], abs=1e-9)
+        assert ours.cov[others] == pytest.approx(cov[others], abs=1e-10)
+        assert ours.mean == pytest.approx(mean, abs=1e-6)
 
 
 def peer_step(settings, state, sample):
@@ -184,7 +189,8 @@ def test_a_worn_battery_shows_in_its_capacity_and_resistance():
     truth = simulate(worn, hours, 0.95, hysteresis=0.0)
     noise = replace(NOISE, capacity_std=0.2, resistance_std=0.5)
     _, estimates = scan(TheveninFilter(NMC, noise, idle_current_A=None), samples(truth, 0.0, NOISE))
-    assert estimates.soh_capacity[-1] == pytest.approx(0.8, abs=0.04)
+    assert estimates.soh_capacity[-1] == pytest.approx(0.8, abs=estimates.soh_capacity_std[-1])
+    assert estimates.soh_capacity_std[-1] < 0.06
     assert estimates.resistance_ratio[-1] == pytest.approx(1.5, abs=0.1)
 
 

@@ -175,6 +175,11 @@ class AugmentedThevenin:
         """Index of the current sensor's offset in the state."""
         return self.state_names.index("offset_A")
 
+    @property
+    def gain_index(self) -> int:
+        """Index of the gain of the charge in the state."""
+        return self.state_names.index("charge_gain")
+
     def start(self, soc: Scalar, soc_std: Scalar, u: CircuitInput) -> Belief:
         """Belief before the first sample, at this SoC with current and temperature u."""
         noise = self.noise
@@ -288,10 +293,13 @@ class AugmentedThevenin:
 
     def error_decays(self, current_A: Scalar, clean: CleanSocSample) -> tuple[Scalar, Scalar]:
         """Decay factors of the model error and the level error over the charge of this step."""
+        moved = self.moved(current_A, clean)
+        return exp(-moved / self.noise.model_soc_length), exp(-moved / LEVEL_SOC_LENGTH)
+
+    def moved(self, current_A: Scalar, clean: CleanSocSample) -> Scalar:
+        """Charge that flows in this step, in or out, over the capacity; a usual one where it is not known."""
         unknown_A = where(clean.current_known, 0.0, USUAL_C * self.model.capacity_Ah)
-        moved_As = (abs(current_A) + unknown_A) * clean.dt_s
-        moved = moved_As / self.model.capacity_As
-        return np.exp(-moved / self.noise.model_soc_length), np.exp(-moved / LEVEL_SOC_LENGTH)
+        return (abs(current_A) + unknown_A) * clean.dt_s / self.model.capacity_As
 
     def process_noise(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Q of this step from the state x, (n, n) for n states."""

@@ -18,6 +18,7 @@ import numpy as np
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD, USUAL_C
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
+from ohmward.battery.soc.capacity_evidence import count_once
 from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
@@ -86,7 +87,8 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
         belief = unpack(member.belief)
         if contradicts:
             return member._replace(belief=pack(with_given_soc(forget_soc(belief), SocNormal(start.soc, start.std))))
-        return member._replace(belief=pack(filter_.correct(member, belief, clean).belief))
+        update = filter_.correct(member, belief, clean)
+        return member._replace(belief=pack(update.belief), evidence=update.evidence)
 
     return _of_each(seen, settings, state)
 
@@ -103,7 +105,8 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
     So a gap is a start with a given value that is as likely wrong as right, and its first voltage is used in the same
     way. The estimates of capacity and resistances belong to the battery and are kept.
     """
-    before = unpack((settings.merged(state) if isinstance(settings, GaussianSumFilter) else state).belief)
+    whole: FilterState = settings.merged(state) if isinstance(settings, GaussianSumFilter) else state
+    before = unpack(whole.belief)
     soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
     drawn = STANDBY_PER_HOUR * gap_s / SECONDS_PER_HOUR
     known = settings.voltage_start.hypotheses(first, soc, math.sqrt(variance + drawn * drawn), WRONG_AFTER_GAP)
@@ -115,7 +118,7 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
         mean[learnt] = before.mean[learnt]
         cov[learnt, :] = cov[:, learnt] = 0.0
         cov[np.ix_(learnt, learnt)] = before.cov[np.ix_(learnt, learnt)]
-        return member._replace(belief=pack(Belief(mean, cov)))
+        return member._replace(belief=pack(Belief(mean, cov)), evidence=whole.evidence)
 
     return _of_each(with_learnt, settings, settings.start_from(first, *known))
 
@@ -150,10 +153,13 @@ def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal)
 def _correct_filter(
     settings: TheveninFilter, state: FilterState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[FilterState, SocEstimate]:
-    belief = with_given_soc(unpack(state.belief), given, settings.gate)
+    before = unpack(state.belief)
+    corrected = with_given_soc(before, given, settings.gate)
+    belief, evidence = count_once(state.evidence, before, corrected, settings.system.gain_index)
     belief, _ = settings.within_limits(belief)
     known = {name: float(value) for name, value in settings.system.known(belief).items()}
-    after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=state.anchors._replace(discharged=0.0))
+    anchors = state.anchors._replace(discharged=0.0)
+    after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=anchors, evidence=evidence)
     return after, estimate._replace(**known, flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED)
 
 

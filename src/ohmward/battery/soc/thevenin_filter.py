@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
+from ohmward.battery.models.noise import PASS_SOC_LENGTH, SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
+from ohmward.battery.soc.capacity_evidence import CapacityEvidence, count_once
 from ohmward.battery.soc.clean_sample import (
     CURRENT_GAP_S,
     CleanSocSample,
@@ -42,7 +43,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, where
+from ohmward.trace import clip, exp, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
@@ -66,6 +67,7 @@ class FilterState(NamedTuple):
     anchors: AnchorMemory  #: memory for the events that anchor SoC
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
     held: HeldVoltage = HeldVoltage()  #: memory for a voltage that jumps or stands still
+    evidence: CapacityEvidence = CapacityEvidence()  #: what voltages and events have shown of the capacity
 
 
 class CleanInput(NamedTuple):
@@ -91,6 +93,7 @@ class TheveninUpdate(NamedTuple):
     contradicts: Any  #: the condition that the voltage contradicts the belief
     R: Scalar  #: measurement noise variance of the update [V^2]
     error: VoltageError  #: of the voltage, or of the anchor event used in its place
+    evidence: CapacityEvidence  #: about the capacity, after it
 
 
 class TheveninStep(NamedTuple):
@@ -243,6 +246,7 @@ class TheveninFilter:
             taken.anchors,
             clean.now.unknown_K,
             taken.held,
+            update.evidence,
         )
         flags = clean.flags + flags_of(
             {
@@ -309,8 +313,10 @@ class TheveninFilter:
         (nu,), repeated = correction.innovation.value, R[0, 0] - error.variance
         used_now = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(anchored)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
+        updated = apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0))
+        belief, evidence = count_once(self.faded_evidence(state, prior, clean), prior, updated, system.gain_index)
         return TheveninUpdate(
-            belief=apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0)),
+            belief=belief,
             correction=correction,
             voltage_V=where(anchored, system.voltage(prior.mean, clean, error)[0], clean.voltage_V - nu),
             voltage_std_V=where(anchored, math.nan, np.sqrt(correction.innovation.cov[0, 0] - repeated)),
@@ -319,7 +325,14 @@ class TheveninFilter:
             contradicts=self.contradicts(correction.innovation, repeated) & logical_not(anchored),
             R=R[0, 0],
             error=choose(anchored, VoltageError(0.0, error.variance, error.weight), error),
+            evidence=evidence,
         )
+
+    def faded_evidence(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> CapacityEvidence:
+        """Evidence about the capacity after the prediction of the step."""
+        k = self.system.gain_index
+        passed = exp(self.system.moved(clean.mean.current_A, clean) * (-1.0 / PASS_SOC_LENGTH))
+        return state.evidence.faded(passed, unpack(state.belief).cov[k, k], prior.cov[k, k])
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
         """Errors of the voltage; sigma points already contain what a tangent leaves out of the mean."""
@@ -366,13 +379,15 @@ class TheveninFilter:
         """The belief with SoC and hysteresis in their ranges, and the condition that SoC was out of range.
 
         SoC is projected into [0, 1] along its covariance, hysteresis clipped into [-1, 1]; their standard deviations
-        stay at most those of an unknown state.
+        stay at most those of an unknown state. The capacity stays as it is: a projection at every sample of an empty
+        battery is no new evidence about it.
         """
         mean, P = belief
         hysteresis = self.system.hysteresis_index
         soc = clip(mean[SOC], 0.0, 1.0)
         projected = mean - P[:, SOC] * ((mean[SOC] - soc) / maximum(P[SOC, SOC], 1e-12))
         projected[SOC] = soc
+        projected[self.system.gain_index] = mean[self.system.gain_index]
         projected[hysteresis] = clip(projected[hysteresis], -1.0, 1.0)
         scale: list[Any] = [1.0] * len(mean)
         scale[SOC] = _at_most(SOC_UNKNOWN_STD, P[SOC, SOC])

@@ -1,0 +1,47 @@
+"""Evidence about the capacity, counted once: the error of the curve recurs whenever the battery passes over it again.
+
+Voltages give the capacity by the charge between two places on the curve. When they repeat themselves their error is the
+same, and the mean of many is no better than one. So the belief takes no more information about the capacity than the
+best pass over the curve has given. With the variances P before an update and P+ after the whole of it,
+
+    r <- r exp(-moved charge / length) + 1/P+ - 1/P            information of one pass
+    u <- u + min(max(r - u, 0), 1/P+ - 1/P)                    information in the belief
+
+and the capacity follows the update only as far as u grows: a partial Schmidt-Kalman update (Brink 2017, J. Guid.
+Control Dyn. 40, 2214). All other states follow it fully.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ohmward.filters.belief import Belief
+from ohmward.trace import clip, maximum, sqrt
+from ohmward.trace.expression import Scalar
+
+#: Keeps ratios of variances of a capacity that is exact finite: far below the square of any variance.
+_LEAST = 1e-30
+
+
+class CapacityEvidence(NamedTuple):
+    """Information about the capacity: inverse variances of the gain of the charge."""
+
+    recent: Scalar = 0.0  #: of the updates over one pass of the curve, r
+    used: Scalar = 0.0  #: in the belief beyond that before the first update, u
+
+    def faded(self, decay: Scalar, before: Scalar, after: Scalar) -> CapacityEvidence:
+        """The evidence after a step: decay of a pass, and variances of the capacity before the step and after it."""
+        return CapacityEvidence(decay * self.recent, self.used * before / maximum(after, _LEAST))
+
+
+def count_once(evidence: CapacityEvidence, prior: Belief, posterior: Belief, k: int) -> tuple[Belief, CapacityEvidence]:
+    """The posterior with what is new about state k, and the evidence after it; k: index of the gain of the charge."""
+    P, fall = prior.cov[k, k], maximum(prior.cov[k, k] - posterior.cov[k, k], 0.0)
+    gained = fall / maximum(P * (P - fall), _LEAST)
+    recent = evidence.recent + gained
+    new = clip(recent - evidence.used, 0.0, gained)
+    left = maximum(fall - P * P * new / (1.0 + P * new), 0.0)
+    mean, cov = posterior.mean.copy(), posterior.cov.copy()
+    mean[k] = mean[k] - sqrt(left / maximum(fall, _LEAST)) * (mean[k] - prior.mean[k])
+    cov[k, k] = cov[k, k] + left
+    return Belief(mean, cov), CapacityEvidence(recent, evidence.used + new)
