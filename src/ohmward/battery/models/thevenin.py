@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,6 +156,12 @@ class Thevenin:
     def capacity_As(self) -> float:
         """Capacity in ampere seconds."""
         return SECONDS_PER_HOUR * self.capacity_Ah
+
+    @cached_property
+    def largest_ohm(self) -> float:
+        """Resistance to a lasting current [ohm] at the reference temperature, each part where it is largest."""
+        rows = [self.r0_discharge_ohm, self.r0_charge_ohm]
+        return max(max(row) for row in rows) + sum(max(row) for row in self.r_ohm)
 
     def arrhenius_factor(self, temperature_degC: Any) -> Any:
         """Factor of the ohmic resistance at a temperature, 1 at the reference."""

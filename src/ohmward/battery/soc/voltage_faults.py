@@ -60,9 +60,7 @@ def is_alike(clean: CleanSocSample, before_V: Scalar, earlier_A: Scalar, model: 
 
     earlier_A: current of the sample before the last, since a voltage may lag behind its current.
     """
-    rows = [np.maximum(model.r0_discharge_ohm, model.r0_charge_ohm), *model.r_ohm]
-    lasting_ohm = sum(float(np.max(row)) for row in rows)  # to a lasting current, where it is largest
-    most_ohm = JUMP_DROPS * lasting_ohm * model.arrhenius_factor(clean.now.temperature_degC)
+    most_ohm = JUMP_DROPS * model.largest_ohm * model.arrhenius_factor(clean.now.temperature_degC)
     lagging_A = clean.now.current_A - earlier_A
     fall_V = most_ohm * minimum(minimum(clean.change_A, lagging_A), 0.0)
     rise_V = most_ohm * maximum(maximum(clean.change_A, lagging_A), 0.0)
