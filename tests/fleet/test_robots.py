@@ -1,5 +1,6 @@
 """Robots of a fleet: whose log a file is, their logs in order of time through one estimator, and the alarms of each."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,14 +8,15 @@ import pytest
 
 import ohmward as ow
 from fleet.examples import BATTERY, DAY_S, MODEL, START_S, day, write
+from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.errors import InputError
 from ohmward.fleet import Job, ReadOptions, RobotJob, robot_states, robots_of, run_fleet
 from ohmward.logs import write_table
 
 
-def job(logs: dict[str, list[str]], **options) -> RobotJob:
-    settings = Job(BATTERY_FILE.dump(BATTERY), "ekf", reading=ReadOptions(current_sign="charge"))
+def job(logs: dict[str, list[str]], battery: Battery = BATTERY, **options) -> RobotJob:
+    settings = Job(BATTERY_FILE.dump(battery), "ekf", reading=ReadOptions(current_sign="charge"))
     return RobotJob(settings, logs, **options)
 
 
@@ -159,9 +161,10 @@ def test_the_battery_of_each_robot_is_learnt(tmp_path):
 
 
 def test_a_capacity_that_settles_over_the_logs_is_no_change(tmp_path):
-    """Deep discharges of a battery that has lost a fourth of the label's capacity, and does not change."""
+    """Deep discharges of a battery that has lost a fourth of a capacity that nobody knew, and does not change."""
+    unknown = replace(BATTERY, noise=replace(BATTERY.noise, capacity_std=0.2))
     texts = [write(tmp_path / f"r_{k}.csv", day(7 * k, 1.0, hours=3.45, capacity=0.75)) for k in range(5)]
-    (state,) = robot_states(job({"r": texts}).run(["r x"]))
+    (state,) = robot_states(job({"r": texts}, unknown).run(["r x"]))
     assert state.soh_change is not None and state.soh_change_std is not None
     assert abs(state.soh_change) < 2.0 * state.soh_change_std < 0.04
 
