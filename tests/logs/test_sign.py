@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from needs import measured_file
 from ohmward.logs import read_log
 from ohmward.logs.log import UnknownSignError
 from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test
@@ -111,14 +112,14 @@ def raw(path, where):
 
 
 @pytest.mark.parametrize(("name", "where", "verdict"), MEASURED)
-def test_measured_recordings_tell_their_sign(measured, name, where, verdict):
-    assert sign_evidence(*raw(measured(name), where)).verdict == verdict
+def test_measured_recordings_tell_their_sign(name, where, verdict):
+    assert sign_evidence(*raw(measured_file(name), where)).verdict == verdict
 
 
 @pytest.mark.parametrize(("name", "where", "verdict"), MEASURED)
-def test_windows_of_measured_recordings_tell_the_right_sign_or_none(measured, name, where, verdict):
+def test_windows_of_measured_recordings_tell_the_right_sign_or_none(name, where, verdict):
     """Windows of 5 to 3000 samples; one in some thousand is wrong (a lone edge just as the cell collapses)."""
-    signals = raw(measured(name), where)
+    signals = raw(measured_file(name), where)
     rng = np.random.default_rng(3)
     wrong = []
     for size in (5, 10, 30, 100, 300, 1000, 3000):
@@ -148,10 +149,10 @@ def test_a_voltage_that_was_sampled_later_than_a_restless_current_is_undecidable
     assert sign_evidence(np.arange(2000.0), current_A[1:], voltage_V).verdict == "undecidable"
 
 
-def test_windows_of_a_car_never_tell_the_wrong_sign(measured):
+def test_windows_of_a_car_never_tell_the_wrong_sign():
     import pandas as pd
 
-    table = pd.read_parquet(measured("bmw_i3_trips/trips_odd.parquet"))
+    table = pd.read_parquet(measured_file("bmw_i3_trips/trips_odd.parquet"))
     verdicts = []
     for _, trip in table.groupby("trip"):
         current_A, voltage_V = trip["current_A"].to_numpy(float), trip["voltage_V"].to_numpy(float)
