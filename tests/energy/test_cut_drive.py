@@ -126,3 +126,33 @@ def test_what_was_not_measured_is_left_out():
     assert [m.stretch.time_s for m in found] == [99.0, 150.0]
     gap = np.delete(T, slice(100, 150))
     assert [m.stretch.time_s for m in metered(np.full(251, 0.5), np.full(251, 20.0), time_s=gap)] == [99.0, 150.0]
+
+
+def test_missing_samples_are_bridged_as_in_a_recorded_drive():
+    speed = np.where(T < 100, 0.5, 0.8)
+    power = np.where(T < 200, 20.0, 30.0)
+    speed[1::2], power[50:58] = np.nan, np.nan
+    recorded = cut_drive(T, speed, power, "grass")
+    found = metered(speed, power)
+    assert sum(m.stretch.time_s for m in found) == sum(d.stretch.time_s for d in recorded) == 300.0
+    assert sum(m.stretch.distance_m for m in found) == pytest.approx(sum(d.stretch.distance_m for d in recorded))
+    assert sum(m.energy_J for m in found) == pytest.approx(sum(d.energy_J for d in recorded), rel=1e-3)
+
+
+def test_a_robot_that_stands_between_two_gaps_stands():
+    speed = np.full(301, 0.5)
+    speed[100:103] = 1e-9
+    speed[80:100] = speed[103:120] = np.nan
+    power = np.full(301, 20.0)
+    found = metered(speed, power)
+    assert [m.stretch.terrain for m in found] == ["grass", "", "grass"]
+    assert found[1].stretch.time_s == 2.0 and found[1].energy_J == pytest.approx(40.0)
+    assert [d.stretch for d in cut_drive(T, speed, power, "grass")] == [m.stretch for m in found]
+
+
+def test_a_short_stop_before_a_gap_belongs_to_the_stretch_before_it():
+    speed = np.full(301, 0.5)
+    speed[100:103] = 0.0
+    speed[103:120] = np.nan
+    found = metered(speed, np.full(301, 20.0))
+    assert [(m.stretch.terrain, m.stretch.standing_s) for m in found] == [("grass", 2.0), ("grass", 0.0)]
