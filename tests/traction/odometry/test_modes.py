@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from ohmward.filters.belief import Belief
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.motion.outside_speed import OutsideSpeed
-from ohmward.traction.odometry.corrections import OVERRUN_S, Overrun, run_over
+from ohmward.traction.odometry.corrections import OVERRUN_S, Overrun, Unconfirmed, confirm, run_over
 from ohmward.traction.odometry.model import NAMES, SLIP, OdometryNoise
 from ohmward.traction.odometry.modes import (
     EVIDENCE_S,
@@ -247,6 +247,46 @@ def test_rims_that_slip_may_change_alone_until_they_meet_the_robot(change_m_s, s
     after = with_rims_alone(before, -0.3, change_m_s, 0.01)
     assert 0.01 * after.mean[SLIP] == pytest.approx(-0.3)
     assert 0.01 * math.sqrt(after.cov[SLIP, SLIP]) == pytest.approx(std_m_s)
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.3])
+def test_the_start_of_a_spin_is_covered_until_an_outside_speed_tells(age_s):
+    """Both rims gain 0.4 m/s between two outside speeds at 1 Hz; a change that these confirm leaves no band."""
+    time_s, covered, calm = DT_S * np.arange(800), [], []
+    spins = 0.4 * np.clip(np.minimum(time_s - 9.0, 14.0 - time_s) / 0.1, 0.0, 1.0)
+    rolls = 0.6 * np.clip(time_s, 0.0, 1.0)
+    late = round(age_s / DT_S)
+    then = np.concatenate([np.zeros(late), rolls[: 800 - late]])
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        heard = np.where(np.arange(800) % 50 == 5 + 5 * seed, then + 0.05 * rng.standard_normal(800), math.nan)
+        given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": np.zeros(800)}
+        given |= {"speed_m_s": heard, "speed_age_s": np.full(800, age_s), "speed_std_m_s": np.full(800, 0.05)}
+        e, _ = run(samples(FILTER, **given))
+        std = np.sqrt(e.twist_cov[:, 0, 0])
+        onset = (time_s > 9.0) & (time_s < 10.0)
+        covered.append(np.mean(np.abs(e.speed_m_s - rolls)[onset] < 1.96 * std[onset]))
+        calm.append(std[(time_s > 6.0) & (time_s < 9.0)].mean())
+        assert np.all(e.slip_probability[(time_s > 13.2) & (time_s < 13.9)] > 0.5)
+    assert np.mean(covered) > 0.9
+    assert np.mean(calm) < 0.03
+
+
+def test_outside_speeds_confirm_a_change_of_the_rims_by_their_likelihood():
+    def after(speed_m_s, measured=True, since_m_s=0.0, age_s=0.5):
+        y = OutsideSpeed(measured, speed_m_s, 0.05, 0.8, 0.0, 0.05, since_m_s)
+        return confirm(Unconfirmed(0.4, 0.5, 0.4, 0.2), 0.8, y, Overrun(0.4, age_s, 0.0), 0.1)
+
+    waits = after(0.0, measured=False)
+    assert waits == pytest.approx((0.4, 0.8, 0.4, 0.2 * math.exp(-0.1 / OVERRUN_S) + 0.04))
+    assert waits.speed_variance == pytest.approx(0.4**2 / 3.0)
+    assert after(0.4) == pytest.approx(waits)  # the robot has not gained what the rims have
+    assert after(0.8).change_m_s == pytest.approx(0.0, abs=0.005)
+    assert after(0.4, since_m_s=0.4).change_m_s == pytest.approx(0.4)  # measured before the rims changed
+    assert after(0.8, age_s=OVERRUN_S) == (0.8, 0.8, 0.0, 0.0)
+    by_rims, by_none = (0.99 * norm.pdf(0.6, v, math.hypot(0.05, 0.05 * v)) + 0.005 for v in (0.8, 0.4))
+    share = (by_rims - 0.5 * by_none) / (by_rims + 0.5 * by_none)
+    assert after(0.6).change_m_s == pytest.approx(0.4 * (1.0 - share))
 
 
 def test_the_end_of_a_spin_is_seen_between_two_outside_speeds():

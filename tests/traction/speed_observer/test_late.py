@@ -24,6 +24,13 @@ def test_older_than_what_is_remembered_is_all_that_is_remembered():
     assert np.shape(remember(empty_history(0), 0.1, 1.0).dt_s) == (0,)
 
 
+def test_fast_samples_share_an_entry_so_that_it_reaches_back_for_a_second():
+    history = empty_history(20)
+    for _ in range(400):
+        history = remember(history, 0.005, 0.01)
+    assert [change_since(history, age) for age in (0.1, 0.333, 0.9)] == pytest.approx([0.2, 0.666, 1.8])
+
+
 def test_without_currents_the_wheels_say_what_a_late_speed_has_missed():
     time_s, acceleration, age_s = np.arange(0.0, 3.0, DT_S), 1.0, 0.2
     speed = acceleration * time_s

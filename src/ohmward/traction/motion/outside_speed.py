@@ -1,8 +1,9 @@
 """Outside speed besides the rims', from GNSS, visual or lidar odometry, optical flow: its noise, age and evidence.
 
-It may be late: it is compared with the recent speed of the rims that lies nearest to it. The remainder is its error e,
-from which its noise is learnt. Slip and a wrong radius cause lasting errors, which differences do not show; filters and
-satellites cause errors that are correlated from speed to speed, by rho:
+It may be late: it is compared with the speed of the rims at its age, or where its source gives none, with the recent
+one that lies nearest to it. The remainder is its error e, from which its noise is learnt. Slip and a wrong radius cause
+lasting errors, which differences do not show; filters and satellites cause errors that are correlated from speed to
+speed, by rho:
 
     D_1 = E (e_k - e_(k-1))^2 / 2 = V (1 - rho),   D_2 = E (e_k - e_(k-2))^2 / 2 = V (1 - rho^2)
 
@@ -25,7 +26,7 @@ import numpy as np
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.motion.sample import CleanSample, History, empty_history, sum_since
 
 #: Standard deviation [m/s] of a source that gives none, if its errors are not learnt: that of GNSS, and of camera
 #: odometry at a walking pace.
@@ -44,8 +45,11 @@ OF_DIFFERENCES, MOST_TIMES = math.sqrt(math.pi) / 2.0, 4.0
 #: Largest correlation of successive errors.
 MOST_CORRELATION = 0.9
 
-#: Rims are remembered for one to two times this time [s].
-RIMS_SPAN_S = 0.6
+#: Rims are remembered for one to two times this time [s]; share of an age that their known changes must cover.
+RIMS_SPAN_S, KNOWN_SHARE = 0.6, 0.99
+
+#: Changes of rims that are not recorded.
+UNKNOWN_CHANGES = empty_history(0)
 
 
 class SpeedErrors(NamedTuple):
@@ -69,23 +73,33 @@ class OutsideSpeed(NamedTuple):
     rims_m_s: Scalar  #: speed of the rims that it is compared with
     late_m_s: Scalar  #: change of the rims since then; 0 without a speed
     white_std_m_s: Scalar = math.nan  #: standard deviation of the part that is uncorrelated from speed to speed
+    since_m_s: Scalar = 0.0  #: `late_m_s` where the source gives its age, else 0
 
 
 def receive(
-    before: SpeedErrors, rim_m_s: Any, clean: CleanSample, rolls: Any, std_m_s: float
+    before: SpeedErrors,
+    rim_m_s: Any,
+    clean: CleanSample,
+    rolls: Any,
+    std_m_s: float,
+    rims: History = UNKNOWN_CHANGES,
 ) -> tuple[SpeedErrors, OutsideSpeed]:
     """The state after a step, and the outside speed with which it ends, if there is one.
 
     rim_m_s: forward speed by the wheels.
     rolls: the condition that the robot moves at it, so that noise is learnt.
     std_m_s: usual standard deviation of a source that does not give its own.
+    rims: changes of `rim_m_s` until now; an age beyond them counts as not given.
     """
     over = before.span_s + clean.dt_s >= RIMS_SPAN_S
     low = where(over, np.array([rim_m_s, before.low_m_s[0]]), minimum(before.low_m_s, np.array([rim_m_s, np.inf])))
     high = where(over, np.array([rim_m_s, before.high_m_s[0]]), maximum(before.high_m_s, np.array([rim_m_s, -np.inf])))
     measured, given = isfinite(clean.speed_m_s), isfinite(clean.speed_std_m_s)
     y = where(measured, clean.speed_m_s, 0.0)
-    rims_m_s = minimum(maximum(y, minimum(low[0], low[1])), maximum(high[0], high[1]))
+    since_m_s, known_s = sum_since(rims.dt_s, rims.change_m_s, clean.speed_age_s)
+    aged = (clean.speed_age_s > 0.0) & (known_s >= KNOWN_SHARE * clean.speed_age_s)
+    nearest_m_s = minimum(maximum(y, minimum(low[0], low[1])), maximum(high[0], high[1]))
+    rims_m_s = where(aged, rim_m_s - since_m_s, nearest_m_s)
     unit_m_s = where(given, clean.speed_std_m_s, std_m_s)
     error = (y - rims_m_s) / unit_m_s
     counts = minimum(before.count + where(given, GIVEN_COUNTS, USUAL_COUNTS), MEAN_OF)
@@ -110,6 +124,7 @@ def receive(
         white_std_m_s=unsure_m_s * maximum(after.differences[0], least),
         rims_m_s=rims_m_s,
         late_m_s=where(measured, rim_m_s - rims_m_s, 0.0),
+        since_m_s=where(measured & aged, since_m_s, 0.0),
     )
     return after, received
 

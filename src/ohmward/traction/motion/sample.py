@@ -83,11 +83,15 @@ def first_of(samples: S) -> S:
 LEAST_DIVISOR = 1e-9
 
 
-class History(NamedTuple):
-    """The last steps, newest first."""
+#: Least length [s] of an entry of a history: fast samples share one, so that twenty reach back for a second.
+ENTRY_S = 0.05
 
-    dt_s: np.ndarray  #: (steps,) length of each
-    change_m_s: np.ndarray  #: (steps,) predicted change of the speed in each
+
+class History(NamedTuple):
+    """The last steps, newest first, in entries (steps,) of one or more."""
+
+    dt_s: np.ndarray  #: length of each
+    change_m_s: np.ndarray  #: predicted change of the speed in each
 
 
 def empty_history(steps: int) -> History:
@@ -96,10 +100,16 @@ def empty_history(steps: int) -> History:
 
 
 def remember(history: History, dt_s: Scalar, change_m_s: Scalar) -> History:
-    """The history with one more step, the oldest forgotten."""
+    """The history with one more step: part of the newest entry while that is shorter than `ENTRY_S`, else a new one."""
     if len(history.dt_s) == 0:
         return history
-    return History(np.array([dt_s, *history.dt_s[:-1]]), np.array([change_m_s, *history.change_m_s[:-1]]))
+    joins = history.dt_s[0] < ENTRY_S
+
+    def recorded(before: np.ndarray, new: Scalar) -> np.ndarray:
+        joined, added = np.array([before[0] + new, *before[1:]]), np.array([new, *before[:-1]])
+        return np.asarray(where(joins, joined, added))
+
+    return History(recorded(history.dt_s, dt_s), recorded(history.change_m_s, change_m_s))
 
 
 def change_since(history: History, age_s: Scalar) -> Scalar:

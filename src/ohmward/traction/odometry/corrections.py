@@ -16,16 +16,14 @@ from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
+from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.outside_speed import OutsideSpeed
+from ohmward.traction.motion.outside_speed import ROLLS_SHARE, OutsideSpeed, likelihood
 from ohmward.traction.motion.sample import (
     NEVER_S,
     OLDEST_S,
     SPEED_STD_M_S,
     CleanSample,
-    History,
-    change_since,
     is_usable,
     sum_since,
 )
@@ -90,6 +88,9 @@ MOST_OPENED = 1e4
 #: Time [s] in which outside speeds, a second apart or less, reveal a slide; its distance is then taken back.
 OVERRUN_S = 3.0
 
+#: Odds q of a change of the rims that the robot does not make.
+NONE_ODDS = 0.5
+
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
 LEAST_REJECTED_STD = 1e-4
 
@@ -132,6 +133,54 @@ def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides:
         age_s=where(received.measured, 0.0, age_s),
         way_m=where(received.measured, way_m * (1.0 - slides), way_m),
     )
+
+
+class Unconfirmed(NamedTuple):
+    """Change of the rims' speed that no outside speed has confirmed: all wheels may slip by as much since it began."""
+
+    #: least and greatest forward speed of the rims since outside speeds have confirmed it
+    low_m_s: Any = 0.0
+    high_m_s: Any = 0.0
+    change_m_s: Any = 0.0  #: of the rims from the farther one; 0 where no outside speed has come for `OVERRUN_S`
+    way_m: Any = 0.0  #: its sum over time; forgotten in `OVERRUN_S`
+
+    @property
+    def speed_variance(self) -> Any:
+        """Variance [m2/s2] of the speed, as if any change up to this one, and up to its opposite, were as likely."""
+        return self.change_m_s**2 / 3.0
+
+    @property
+    def way_variance(self) -> Any:
+        """Variance [m2] of the distance, likewise."""
+        return self.way_m**2 / 3.0
+
+
+def confirm(before: Unconfirmed, rims_m_s: Scalar, received: OutsideSpeed, last: Overrun, dt_s: Scalar) -> Unconfirmed:
+    """The change of the rims after a step: an outside speed y confirms as much of it as it is likelier than none.
+
+    share = (p(y | rims) - q p(y | farther)) / (p(y | rims) + q p(y | farther)), at least 0
+
+    rims_m_s: their forward speed. An outside speed cannot confirm its change in the age of that.
+    last: the overrun before the step, with the age of the last outside speed.
+    """
+    then_m_s = rims_m_s - received.since_m_s
+    by_rims, by_none = (
+        likelihood(received.speed_m_s - v, received.std_m_s**2 + (ROLLS_SHARE * v) ** 2)
+        for v in (then_m_s, farther(before.low_m_s, before.high_m_s, then_m_s))
+    )
+    likelier = (by_rims - NONE_ODDS * by_none) / (by_rims + NONE_ODDS * by_none)
+    heard = last.age_s + dt_s <= OVERRUN_S
+    share = where(heard, where(received.measured, maximum(likelier, 0.0), 0.0), 1.0)
+    low_m_s = minimum(before.low_m_s + share * (then_m_s - before.low_m_s), rims_m_s)
+    high_m_s = maximum(before.high_m_s + share * (then_m_s - before.high_m_s), rims_m_s)
+    change_m_s = rims_m_s - farther(low_m_s, high_m_s, rims_m_s)
+    way_m = before.way_m * exp(-dt_s / OVERRUN_S) + change_m_s * dt_s
+    return Unconfirmed(low_m_s, high_m_s, change_m_s, (1.0 - share) * way_m)
+
+
+def farther(low: Scalar, high: Scalar, value: Scalar) -> Scalar:
+    """The one of two that is farther from the value."""
+    return where(value - low > high - value, low, high)
 
 
 class PoseCorrection(NamedTuple):
@@ -237,7 +286,6 @@ def use_speeds(
     outside: OutsideSpeed,
     slides: Scalar,
     overrun_m: Scalar,
-    history: History,
     noise: OdometryNoise,
     gate: float,
 ) -> PoseCorrection:
@@ -252,7 +300,7 @@ def use_speeds(
     usable = is_usable(own_std, SPEED_STD_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
     left_m_s = where(within(sample.speed_left_m_s, FASTEST_M_S) & usable, sample.speed_left_m_s, np.nan)
     left_std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
-    y = clean.speed_m_s + where(age_s > 0.0, change_since(history, age_s), outside.late_m_s)
+    y = clean.speed_m_s + outside.late_m_s
     since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
     variance = outside.std_m_s**2 + since[0]
     y_slides = clean.speed_m_s

@@ -28,10 +28,13 @@ from ohmward.traction.motion.sample import (
     MOST_YAW_RAD_S,
     NEVER_S,
     CleanSample,
+    History,
     Intervals,
     advance,
+    empty_history,
     holds,
     never,
+    remember,
     was_seen,
 )
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
@@ -81,6 +84,8 @@ class MotionState(NamedTuple):
     passive_rad_s: np.ndarray  #: (passive,) last speed of each wheel that is not driven
     gyro_rad_s: Any  #: yaw rate of the gyro
     modes: ModeState  #: which wheels roll
+    rims: History  #: recent changes of the rims' forward speed, for outside speeds that are late
+    rim_m_s: Any  #: that speed
     outside: SpeedErrors  #: rims, and errors of outside speeds
     held: Held  #: whether the robot is held while they turn
     #: (3,) displacement reckoned by the wheels since their last values [m, m, rad]
@@ -111,8 +116,8 @@ class MeasuredMotion(NamedTuple):
     jump: Scalar
 
 
-def no_motion(robot: Robot) -> MotionState:
-    """State before the first sample."""
+def no_motion(robot: Robot, late_steps: int) -> MotionState:
+    """State before the first sample; late_steps: steps of `MotionState.rims`."""
     driven, passive = np.zeros(robot.driven), np.zeros(len(passive_wheels(robot)))
     return MotionState(
         driven,
@@ -120,6 +125,8 @@ def no_motion(robot: Robot) -> MotionState:
         passive,
         0.0,
         first_modes(robot),
+        empty_history(late_steps),
+        0.0,
         SpeedErrors(),
         Held(),
         np.zeros(3),
@@ -174,6 +181,8 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
         passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
         modes=before.modes,
+        rims=before.rims,
+        rim_m_s=before.rim_m_s,
         outside=before.outside,
         held=before.held,
         reckoned=before.reckoned,
@@ -256,13 +265,15 @@ def show(
     refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
     was_held = now.held.probability > IS_HELD
-    outside, y = receive(now.outside, speed.forward_m_s, clean, logical_not(was_held), noise.speed_std_m_s)
+    rim_m_s = where(free, free_motion(now, robot)[0], speed.forward_m_s)
+    rims = remember(now.rims, dt_s, rim_m_s - now.rim_m_s)
+    outside, y = receive(now.outside, rim_m_s, clean, logical_not(was_held), noise.speed_std_m_s, rims)
     changed_m_s = abs((modes.forward_m_s - now.modes.forward_m_s).mean())
     held = weigh_held(now.held, y, speed.forward_m_s, dt_s, changed_m_s)
     is_held = (held.probability > IS_HELD) & logical_not(observed | free)
     rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
     forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
-    rim_m_s = hypot(forward_m_s, rim[1])
+    along_m_s = hypot(forward_m_s, rim[1])
     motion = np.array([forward_m_s, rim[1], rim[2]])
     # A speed from counts is the mean since the last value, so no distance is lost where one is late or missing.
     whole = fresh & (since_s <= (LOST + 1) * usual_s)
@@ -283,7 +294,7 @@ def show(
             where(observed, o.left_m_s * dt_s, way[1]),
             where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
         ]),
-        motion_std=motion_std(now, observed, turn_observed, is_held, rim_m_s, rim[2], robot, noise),
+        motion_std=motion_std(now, observed, turn_observed, is_held, along_m_s, rim[2], robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
@@ -292,7 +303,8 @@ def show(
         count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean),
         usual_turn_rad_s=now.usual_turn_rad_s,
-        straight_std_rad_s=turn_per_slip(robot) * hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * rim_m_s),
+        straight_std_rad_s=turn_per_slip(robot)
+        * hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s),
         turn_scale=x[TURN_SCALE],
         slip_sigmas=x[SLIP],
     )  # fmt: skip
@@ -306,7 +318,15 @@ def show(
         white_variance=white,
         rims_m_s=rims_m_s,
         rim_m=rim_m,
-        sensors=now._replace(modes=modes, outside=outside, held=held, reckoned=reckoned, usual_turn_rad_s=usual),
+        sensors=now._replace(
+            modes=modes,
+            rims=rims,
+            rim_m_s=rim_m_s,
+            outside=outside,
+            held=held,
+            reckoned=reckoned,
+            usual_turn_rad_s=usual,
+        ),
         speed=speed,
         is_held=is_held,
         outside=y._replace(late_m_s=where(is_held, 0.0, y.late_m_s)),

@@ -17,15 +17,12 @@ from ohmward.filters.gate import choose, inflate, widen
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
+from ohmward.trace import cos, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
 from ohmward.traction.motion.sample import (
     CleanSample,
-    History,
-    empty_history,
     no_sample,
-    remember,
     sanitize,
     was_seen,
 )
@@ -33,12 +30,15 @@ from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_st
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
+    OVERRUN_S,
     HeadingTimes,
     Overrun,
     PoseCorrection,
     Trail,
     TurnSums,
+    Unconfirmed,
     add_turn,
+    confirm,
     empty_trail,
     extend,
     forget,
@@ -99,12 +99,11 @@ class PoseState(NamedTuple):
     gyro: GyroNoise  #: its noise as learnt so far
     watch: GyroWatch  #: of whether it is stuck
     sums: TurnSums  #: angles of gyro and wheels since they were last compared
-    history: History  #: changes of the speed, for late speeds
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
     overrun: Overrun  #: distance beyond that of the outside speeds
+    unconfirmed: Unconfirmed = Unconfirmed()  #: change of the rims' speed that these have not confirmed
     changed_yaw_rad: Any = 0.0  #: yaw at the gyro's last change
-    speed_m_s: Any = 0.0  #: after the last step
     slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in that step
     distance_m: Any = 0.0  #: length of the path
     #: (2,) standard deviation [m] of x and y by the squared yaw error, fully correlated
@@ -122,8 +121,8 @@ class PoseFilter:
     #: headings (headings and yaw)
     reset_after_s: float = 5.0
     gap_s: float = 0.5  #: a longer step is flagged
-    #: number of samples by which a speed from outside may be late, and within which a pose increment must have begun; 0
-    #: disables increments
+    #: number of samples within which a pose increment must have begun, and by which a speed from outside may be late,
+    #: or that many times `ENTRY_S` if that is longer; 0 disables increments
     late_steps: int = 20
 
     def __post_init__(self) -> None:
@@ -155,10 +154,9 @@ class PoseFilter:
         belief = first_belief(self.noise, self.turn_per_slip, self.turn_per_slip * counted_m)
         steps = self.late_steps
         gyro = gyro_noise_of_sheet(self.noise.gyro_walk)
-        history, trail = empty_history(steps), empty_trail(steps)
         return PoseState(
-            pack(belief), no_motion(self.robot), gyro, GyroWatch(), TurnSums(), history, trail, HeadingTimes(),
-            Overrun(),
+            pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), TurnSums(), empty_trail(steps),
+            HeadingTimes(), Overrun(),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -187,12 +185,9 @@ class PoseFilter:
         reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), clean.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
-        history = remember(state.history, clean.dt_s, speed_m_s - state.speed_m_s)
         sums = add_turn(state.sums, motion.input, motion.rim_m)
         fresh = some([sensors.intervals.age_s[WHEELS] <= 0.0, sensors.intervals.age_s[PASSIVE] <= 0.0])
-        body, sums = self.correct(
-            PoseCorrection(reckoned), sums, sample, clean, motion, fresh, history, trail, overrun_m
-        )
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, fresh, trail, overrun_m)
         body, heading = use_heading(
             body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
         )
@@ -203,11 +198,12 @@ class PoseFilter:
         suspected = watch.suspected & logical_not(watch.stuck)
         missed_rad = where(suspected, missed_turn(body.belief.mean, watch, state.changed_yaw_rad), 0.0)
         missed = missed_variance(missed_rad, watch)
-        estimate = self.conclude(body.belief, motion, missed, distance_m, second_order_m)
+        unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
+        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, distance_m, second_order_m)
         flags = self.flags(before, clean, motion, body)
         after = PoseState(
-            pack(body.belief), motion.sensors, gyro, watch, sums, history, trail, heading, overrun,
-            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]), estimate.speed_m_s,
+            pack(body.belief), motion.sensors, gyro, watch, sums, trail, heading, overrun, unconfirmed,
+            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
@@ -231,7 +227,6 @@ class PoseFilter:
         clean: CleanSample,
         motion: MeasuredMotion,
         fresh: Scalar,
-        history: History,
         trail: Trail,
         overrun_m: Scalar,
     ) -> tuple[PoseCorrection, TurnSums]:
@@ -240,7 +235,7 @@ class PoseFilter:
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
         slides = motion.sensors.held.slides
-        body = use_speeds(body, sample, clean, u, motion.outside, slides, overrun_m, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.outside, slides, overrun_m, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
@@ -253,6 +248,8 @@ class PoseFilter:
         self,
         belief: Belief,
         motion: MeasuredMotion,
+        overrun: Overrun,
+        unconfirmed: Unconfirmed,
         missed: np.ndarray,
         distance_m: Scalar,
         second_order_m: np.ndarray,
@@ -267,11 +264,16 @@ class PoseFilter:
             [P[Y, X], P[Y, Y], to_yaw[Y]],
             [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
         ])  # fmt: skip
-        pose_cov = pose_cov + np.diag(missed)
+        alone = where(motion.by_driven & logical_not(motion.is_held), 1.0 - motion.sensors.held.slides, 0.0)
+        way = np.array([cos(yaw[0]), sin(yaw[0]), 0.0])
+        pose_cov = pose_cov + np.diag(missed) + alone * unconfirmed.way_variance * np.outer(way, way)
         rates, J = linearize(lambda state: twist(state, motion.input), x)
-        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
+        by_slide = np.array([alone * unconfirmed.speed_variance, 0.0, 0.0])
+        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
         stuck = where(motion.by_driven & motion.turns, motion.sensors.held.probability, 0.0)
+        heard = overrun.age_s <= OVERRUN_S
+        all_slip = where(motion.by_driven & motion.turns & heard, motion.sensors.held.slides, 0.0)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -289,7 +291,7 @@ class PoseFilter:
             radius_std=std_of(P[RADIUS, RADIUS]),
             slip_speed_m_s=rims - self.rolling @ rates,
             slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
-            slip_probability=where(motion.is_held, maximum(motion.speed.slips, stuck), motion.speed.slips),
+            slip_probability=maximum(motion.speed.slips, where(motion.is_held, stuck, all_slip)),
             stuck_probability=stuck,
             flags=0.0,
         )

@@ -69,7 +69,8 @@ class OdometryEstimate(NamedTuple):
     radius_std: Any  #: relative standard deviation of that ratio
     slip_speed_m_s: np.ndarray  #: (driven,) slip speed r omega - v of each wheel's centre [m/s]
     slip_speed_std_m_s: np.ndarray  #: (driven,) standard deviation of the slip speed [m/s]
-    #: (driven,) probability that each wheel slips while others roll; 0 without a gyro, or if wheels roll sideways
+    #: (driven,) probability that each wheel slips: while others roll (0 without a gyro, or if wheels roll sideways), or
+    #: all of them, by an outside speed
     slip_probability: np.ndarray
     stuck_probability: Any  #: that the robot is held while its driven wheels turn, by an outside speed
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident

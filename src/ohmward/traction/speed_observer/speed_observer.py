@@ -194,7 +194,8 @@ class SpeedObserver:
     #: a wheel and a motor below both are at rest
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
-    late_steps: int = 20  #: number of samples by which an external speed may be late
+    #: number of samples by which an external speed may be late, or that many times `ENTRY_S` if that is longer
+    late_steps: int = 20
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
