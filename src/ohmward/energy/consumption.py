@@ -243,7 +243,8 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
     """Row of the design matrix (6 + 2 K,): the factor of each coefficient on this stretch."""
     x = np.zeros(len(c.mean))
     q = mass_ratio(c, stretch)
-    braking_J = max(-wheel_work_J(c, stretch), 0.0)
+    work_J = wheel_work_J(c, stretch)
+    braking_J = max(-work_J, 0.0)
     x[IDLE] = stretch.time_s
     x[SPEED] = q * stretch.speed_distance_m2_s
     x[CLIMB] = energy_gained_J(c, stretch) + braking_J
@@ -253,7 +254,8 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
         reference_N = c.reference_N[c.terrains.index(stretch.terrain)]
         x[k] = q * stretch.distance_m
         x[c.day_effect_index(stretch.terrain)] = x[DAY_EFFECT] = x[k] * reference_N
-        x[HEAT] = mean_pull_N(c, stretch) ** 2 * moving_time_s(stretch)
+        if stretch.distance_m:
+            x[HEAT] = (work_J / stretch.distance_m) ** 2 * moving_time_s(stretch)
     return x
 
 
