@@ -21,6 +21,7 @@ from logs.bags.examples import TYPE, joint_states, payloads, twists, write_mcap
 from ohmward.cli.main import main
 from ohmward.onboard.recognition import Answers, Offered, recognise
 from ohmward.onboard.robot_setup import SETUP_FILE
+from ohmward.onboard.robot_state import RobotState, plain_state
 from ohmward.onboard.serial_frame import SerialFrame, encode
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from onboard.servers import mosquitto
@@ -236,6 +237,8 @@ def test_topics_of_a_broker_and_their_keys_are_recognised(folder, set_up):
         client.publish("shed/drive/left/rpm", "30", retain=True)
         client.publish("shed/drive/right/rpm", "30", retain=True)
         client.publish("shed/imu", '{"yaw_rate_rad_s": 0.1}', retain=True)
+        client.publish("ohmward/cart/battery/soc", "0.5", retain=True)
+        client.publish("ohmward/cart/state", json.dumps(plain_state(RobotState(1.0, 2.0))), retain=True)
         address = f"mqtt://127.0.0.1:{broker.port}"
         words = (address, *BATTERY, *SIZES, "--seconds", "2", "--current-sign", "charge")
         found = set_up(*words, status=0)
@@ -245,6 +248,7 @@ def test_topics_of_a_broker_and_their_keys_are_recognised(folder, set_up):
     assert wired["wheel_speed_rad_s.left"] == ("shed/drive/left/rpm", pytest.approx(RPM))
     source = written_source()
     assert source.topics == ("shed/imu",)
+    assert "ohmward/cart" not in json.dumps(found)
 
 
 def test_topics_of_a_bag_become_those_of_the_robot(folder, set_up):

@@ -101,22 +101,33 @@ def of_bus(port: CanPort, database: CanDatabase, seconds: float) -> list[Offered
 def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
     """Numbers heard on a broker: payloads, and those in JSON objects as TOPIC#KEY.
 
+    The topics of an ohmward are left out: its estimates are no measurements.
+
     Raises:
         OhmwardError: no broker, or no number on any of its topics.
     """
-    heard = Heard()
+    heard, own = Heard(), set[str]()
 
     async def listen() -> None:
         async with broker.connected() as (client, received):
             client.subscribe("#", 0)
             while True:
                 for topic, payload, received_s, _ in await received.take():
+                    if _is_state(topic, payload):
+                        own.add(topic.removesuffix("state"))
                     heard.put(received_s, dict(_numbers(topic, payload)))
 
     _for_so_long(listen(), seconds)
-    if not heard.names:
+    names = [name for name in heard.names if not name.startswith(tuple(own))]
+    if not names:
         raise OhmwardError(f"{broker.host}: no number on any topic in {seconds:g} s; is the robot on?")
-    return [heard.offered(name, name.replace("#", "/").rpartition("/")[2]) for name in heard.names]
+    return [heard.offered(name, name.replace("#", "/").rpartition("/")[2]) for name in names]
+
+
+def _is_state(topic: str, payload: bytes) -> bool:
+    """True for the state of a robot from the MQTT sink, see `plain_state`; its other topics stand beside it."""
+    found = json_value(payload) if topic.endswith("/state") else None
+    return isinstance(found, dict) and {"time_s", "unix_s", "sample", "diagnostics"} <= found.keys()
 
 
 def _numbers(topic: str, payload: bytes) -> Iterator[tuple[str, object]]:
