@@ -111,6 +111,60 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
     assert math.isfinite(robot.clean[-1][signal])
 
 
+def test_a_source_that_repeats_its_last_message_is_stuck_until_it_goes_on(battery):
+    held: dict[str, float] = {}
+
+    def fault(values):
+        held.update(held or values)
+        return dict(held)
+
+    robot = Robot(battery, fault, until_s=20.0).run(end_s=20.0)
+    noisy = {*(f"wheel_speed_rad_s.{name}" for name in PLACES), "battery_current_A", "battery_voltage_V"}
+    assert set(robot.wrong()) == noisy | {"yaw_rate_rad_s"} and all("stuck" in m for m in robot.wrong().values())
+    assert not any(map(math.isfinite, robot.clean[-1].values()))
+    assert robot.run(20.0, 30.0).wrong() == {}
+
+
+def test_one_message_of_a_source_is_found_to_be_repeated(battery):
+    robot = Robot(battery)
+    held = robot.sample(0.1)
+    names = ("battery_current_A", "battery_voltage_V")
+    for k in range(1000):
+        t, values = 0.02 * k, robot.sample(0.02 * k)
+        of_battery = {name: (values if t < 5.0 else held)[name] for name in names}
+        robot.watch.take("bridge", t, t, {n: v for n, v in values.items() if n not in names})
+        robot.watch.take("bridge", t + 0.001, t + 0.001, of_battery)
+    assert {d.name for d in robot.watch.look(20.0) if d.level != Level.OK} == set(names)
+
+
+@pytest.mark.parametrize("step", [0.5, None], ids=["quantised", "without noise"])
+def test_values_without_noise_may_be_the_same_for_long(battery, step):
+    """A robot that drives for 20 s and goes on at a constant speed, with coarse sensors or in a simulation."""
+
+    def sample(t):
+        x = math.sin(1.1 * min(t, 20.0))
+        values = {f"wheel_speed_rad_s.{name}": 4.0 + 3.0 * x for name in PLACES}
+        values |= {"battery_current_A": -5.0 - 2.0 * x, "battery_voltage_V": 13.0 + 0.03 * x, "yaw_rate_rad_s": 0.1 * x}
+        draw = random.Random(t)
+        return {
+            name: step * round((value + draw.gauss(0, 0.1)) / step) if step else value for name, value in values.items()
+        }
+
+    robot = Robot(battery)
+    robot.sample = sample
+    assert robot.run(end_s=60.0).wrong() == {}
+
+
+def test_a_robot_that_stops_and_stands_is_not_taken_for_a_source_that_repeats(battery):
+    """Its encoders are still, and its battery gives a small current without noise that a sensor could show."""
+    robot = Robot(battery)
+    driving = robot.sample
+    still = dict.fromkeys((*(f"wheel_speed_rad_s.{name}" for name in PLACES), "yaw_rate_rad_s"), 0.0)
+    still |= {"battery_current_A": -0.3, "battery_voltage_V": 13.1}
+    robot.sample = lambda t: driving(t) if t < 20.0 else still
+    assert robot.run(end_s=60.0).wrong() == {}
+
+
 def test_an_encoder_that_counts_no_more_is_stuck_until_it_counts_again(battery):
     class Counting(Robot):
         counts = dict.fromkeys(PLACES, 4000)

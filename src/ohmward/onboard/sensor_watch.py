@@ -3,6 +3,8 @@
 A fault costs an estimator the information of that sensor and nothing else: its values become nan, as if not measured,
 until it reports again. A sensor is stuck if its value stays the same to the last bit while related values move: current
 and voltage of a battery are compared with each other, wheels with the motion measured by the other wheels and the gyro.
+It is also stuck if its source repeats its last message, as a driver or a bridge does from its memory: all values that
+normally have noise stay the same together, although the robot is not at rest by them.
 """
 
 from __future__ import annotations
@@ -36,6 +38,17 @@ TURNS = 2
 #: Change of the battery's current that moves its voltage [multiples of the capacity per hour]; the drop over the ohmic
 #: resistance of a cell is then some millivolts, the last digit of a common converter.
 MOVE_C = 0.1
+
+#: A value has noise after this many changes, this share of which reverse the one before, and if it is never repeated
+#: more often than this, but for 0. Quantised and simulated values, and those of a sensor at rest, have none.
+NOISE_CHANGES, NOISE_REVERSALS, NOISE_REPEATS = 100, 0.25, 5
+
+#: Time for which all values with noise are the same when their source repeats its last message, and least number of
+#: such values.
+REPEATED_S, FEWEST_WITH_NOISE = 5.0, 2
+
+#: Quantities that show that a robot is not at rest, at this share of their usual size.
+_MOVES, _NOT_AT_REST = ("battery_current_A", "wheel_speed_rad_s", "motor_current_A", "yaw_rate_rad_s"), 0.5
 
 #: Time after which something is missed: messages of a source after the start, a value that came only once after it.
 PROMISED_S = 5.0
@@ -80,6 +93,11 @@ class WatchedSensor:
     same: int = 0  #: number of times in a row that it was repeated
     same_s: float = -math.inf  #: time since which it has been the same
     stuck: bool = False  #: True once it is found to be stuck
+    changes: int = 0  #: number of times that the value has changed
+    reversals: int = 0  #: number of changes against the direction of the one before
+    rises: bool = False  #: direction of the last change
+    longest: int = 0  #: most repetitions of a value other than 0, faults excluded
+    usual: float = 0.0  #: usual size of the value
     turns: int = 0  #: number of times that its moves have reversed
     moved_to: float = math.nan  #: value after the last move
     upwards: bool = True  #: direction of the last move
@@ -129,6 +147,7 @@ class WatchedSensor:
                 return math.nan
             self.same += 1
         else:
+            self._changed(value)
             self.same, self.same_s, self.stuck, self.value = 0, time_s, False, value
             self.partner_turns = self.partner.turns if self.partner else 0
             if not abs(value - self.moved_to) <= self.move:
@@ -139,6 +158,15 @@ class WatchedSensor:
             return math.nan
         self.true_s = received_s
         return value
+
+    def _changed(self, value: float) -> None:
+        if self.value != 0.0 and not self.stuck:
+            self.longest = max(self.longest, self.same)
+        rises = value > self.value
+        self.reversals += rises != self.rises
+        self.rises = rises
+        self.changes += 1
+        self.usual += max(_NEWEST, 1.0 / self.changes) * (abs(value) - self.usual)
 
     def _moved(self) -> None:
         upwards = self.value > self.moved_to
@@ -169,6 +197,17 @@ class WatchedSensor:
     def is_same(self) -> bool:
         """True if the value has been the same for as long as a fault in a log lasts."""
         return self.same >= FEWEST_VALUES and self.last_s - self.same_s >= REPEATS_S
+
+    @property
+    def has_noise(self) -> bool:
+        """True if its values normally differ from each other."""
+        often = self.changes >= NOISE_CHANGES and self.reversals >= NOISE_REVERSALS * self.changes
+        return often and self.longest <= NOISE_REPEATS
+
+    @property
+    def moves(self) -> bool:
+        """True if it shows that the robot is not at rest."""
+        return self.signal.partition(".")[0] in _MOVES and abs(self.value) > _NOT_AT_REST * self.usual
 
 
 @dataclass
@@ -321,7 +360,21 @@ class SensorWatch:
         sensor.doubled_by, sensor.doubled_s = source, received_s
         return False
 
+    def _find_repeated(self) -> None:
+        """Find the sensors of sources, and of messages of theirs, that are repeated to the last bit."""
+        together: dict[tuple[str, float], list[WatchedSensor]] = {}
+        for sensor in self.sensors.values():
+            if sensor.has_noise:
+                together.setdefault((sensor.source, sensor.last_s), []).append(sensor)  # of one message
+                together.setdefault((sensor.source, math.inf), []).append(sensor)
+        for sensors in together.values():
+            same = all(sensor.is_same and sensor.last_s - sensor.same_s >= REPEATED_S for sensor in sensors)
+            if same and len(sensors) >= FEWEST_WITH_NOISE and any(sensor.moves for sensor in sensors):
+                for sensor in sensors:
+                    sensor.stuck = True
+
     def _find_stuck(self) -> None:
+        self._find_repeated()
         for sensor in self.sensors.values():
             if sensor.is_same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
                 sensor.stuck = True
