@@ -151,7 +151,7 @@ def test_values_without_noise_may_be_the_same_for_long(battery, step):
         }
 
     robot = Robot(battery)
-    robot.sample = sample
+    robot.sample = sample  # type: ignore[method-assign]
     assert robot.run(end_s=60.0).wrong() == {}
 
 
@@ -161,7 +161,7 @@ def test_a_robot_that_stops_and_stands_is_not_taken_for_a_source_that_repeats(ba
     driving = robot.sample
     still = dict.fromkeys((*(f"wheel_speed_rad_s.{name}" for name in PLACES), "yaw_rate_rad_s"), 0.0)
     still |= {"battery_current_A": -0.3, "battery_voltage_V": 13.1}
-    robot.sample = lambda t: driving(t) if t < 20.0 else still
+    robot.sample = lambda t: driving(t) if t < 20.0 else still  # type: ignore[method-assign]
     assert robot.run(end_s=60.0).wrong() == {}
 
 

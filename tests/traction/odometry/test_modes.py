@@ -262,7 +262,7 @@ def test_the_start_of_a_spin_is_covered_until_an_outside_speed_tells(age_s):
         heard = np.where(np.arange(800) % 50 == 5 + 5 * seed, then + 0.05 * rng.standard_normal(800), math.nan)
         given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": np.zeros(800)}
         given |= {"speed_m_s": heard, "speed_age_s": np.full(800, age_s), "speed_std_m_s": np.full(800, 0.05)}
-        e, _ = run(samples(FILTER, **given))
+        e, _ = run(FILTER, samples(FILTER, **given))
         std = np.sqrt(e.twist_cov[:, 0, 0])
         onset = (time_s > 9.0) & (time_s < 10.0)
         covered.append(np.mean(np.abs(e.speed_m_s - rolls)[onset] < 1.96 * std[onset]))
