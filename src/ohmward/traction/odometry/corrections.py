@@ -138,11 +138,10 @@ def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides:
 class Unconfirmed(NamedTuple):
     """Change of the rims' speed that no outside speed has confirmed: all wheels may slip by as much since it began."""
 
-    #: least and greatest forward speed of the rims since outside speeds have confirmed it
-    low_m_s: Any = 0.0
-    high_m_s: Any = 0.0
-    change_m_s: Any = 0.0  #: of the rims from the farther one; 0 where no outside speed has come for `OVERRUN_S`
-    way_m: Any = 0.0  #: its sum over time; forgotten in `OVERRUN_S`
+    low_m_s: Any = 0.0  #: least forward speed of the rims since outside speeds have confirmed it
+    high_m_s: Any = 0.0  #: greatest forward speed of the rims since then
+    change_m_s: Any = 0.0  #: of the rims from the farther one; 0 where no outside speed has come for seconds
+    way_m: Any = 0.0  #: sum of that change over time, forgotten in seconds
 
     @property
     def speed_variance(self) -> Any:
