@@ -16,7 +16,7 @@ extern "C" {
 
 typedef struct {
     float estimate_wheel_speed_rad_s; /* last usable one */
-    float estimate_travel_speed_m_s; /* last usable one, predicted to now */
+    float estimate_travel_speed_m_s; /* last usable one, predicted by its age; held while none is usable */
     float estimate_force_N; /* of the ground along x */
     float estimate_acceleration_m_s2; /* of the wheel's centre */
     float estimate_known; /* 1 where the last measurement was usable, else 0 */

@@ -34,7 +34,7 @@ class WheelEstimate(NamedTuple):
     """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change."""
 
     wheel_speed_rad_s: Any  #:  last usable one
-    travel_speed_m_s: Any  #:   last usable one, predicted to now
+    travel_speed_m_s: Any  #:   last usable one, predicted by its age; held while none is usable
     force_N: Any  #:          of the ground along x
     acceleration_m_s2: Any  #: of the wheel's centre
     known: Any  #:            1 where the last measurement was usable, else 0
