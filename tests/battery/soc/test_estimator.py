@@ -222,6 +222,8 @@ def test_per_cent_are_refused():
         SocEstimator(ESTIMATORS["ekf"], initial_soc=80.0)
     with pytest.raises(InputError, match="initial_soc_std must be > 0, got -1"):
         SocEstimator(ESTIMATORS["ekf"], initial_soc_std=-1.0)
+    with pytest.raises(InputError, match=r"initial_soc_std must be at most 0.5 \(0.03 is 3 points\), got 3"):
+        SocEstimator(ESTIMATORS["ekf"], initial_soc_std=3.0)
 
 
 def test_a_step_takes_microseconds():

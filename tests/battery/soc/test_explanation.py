@@ -221,6 +221,17 @@ def test_bounds_that_say_nothing_are_not_said():
     assert found.sentence == "SoC not known"
 
 
+@pytest.mark.parametrize("voltage_V", [None, 3700.0])
+def test_a_voltage_that_was_never_used_is_the_reason(voltage_V):
+    estimator = SocEstimator(settings_of(NMC), lowering="python")
+    for k in range(60):
+        estimator.update(float(k), -1.0, voltage_V)
+    assert estimator.explain().sentence.startswith("SoC not known: no voltage was used; none like ")
+    for k in range(60, 120):  # the first one is a jump that has to last
+        estimator.update(float(k), -1.0, 3.7)
+    assert "no voltage" not in estimator.explain().sentence
+
+
 def test_other_filters_say_their_band_without_reasons():
     kernel, estimate = SocEstimator(settings_of(NMC)).kernel, estimate_of(0.5, 0.2)
     found = explain(object(), kernel, None, estimate, ChargeHistory())

@@ -19,9 +19,17 @@ from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import (
+    INITIAL_SOC_STD,
+    LEARNT_FIELDS,
+    Estimator,
+    SocEstimate,
+    SocFlag,
+    SocSample,
+    require_soc_std,
+)
 from ohmward.battery.soc.voltage_faults import StartWatch, watch_start, wrong_starts
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -74,7 +82,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     Args:
         battery: identified or generic; or settings of an estimator: a `TheveninFilter`, or those of `make_estimator`.
         initial_soc: in [0, 1]; None takes it from the first voltage.
-        initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
+        initial_soc_std: standard deviation of that value, at most 0.5. A value that the first voltage contradicts is
+            overruled.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         filter: name of the estimator, see `ohmward.available`; by default the Gaussian sum filter, "gsf".
         unix_s: Unix time of the first sample [s], since the capacity in the battery file becomes less certain with age;
@@ -96,7 +105,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     ):
         if initial_soc is not None and not 0.0 <= number("initial_soc", initial_soc) <= 1.0:
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
-        require_positive("initial_soc_std", initial_soc_std)
+        require_soc_std("initial_soc_std", initial_soc_std)
         super().__init__(estimator_of(battery, filter), lowering)
         self.battery = battery if isinstance(battery, Battery) else None
         self.initial_soc = initial_soc
@@ -227,7 +236,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             raise InputError("tell_soc needs an estimate: give update() a sample first")
         require_between("soc", number("soc", soc), 0.0, 1.0)
         if soc_std is not None:
-            require_positive("soc_std", number("soc_std", soc_std))
+            require_soc_std("soc_std", number("soc_std", soc_std))
         estimate = self._with_given(soc, soc_std)
         self.last = SocEstimate._make([*map(float, estimate[:-1]), SocFlag(int(estimate.flags))])
         self.memory = self.memory.after(self.time_s, self.last)

@@ -29,6 +29,7 @@ from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
+from ohmward.battery.soc.voltage_faults import HeldVoltage
 from ohmward.filters.belief import Belief, unpack
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import MOST_KERNELS
@@ -182,6 +183,10 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
         why = reasons(now, causes)
         remedies = () if known else rehearsed(settings, kernel, state)
     advice = best_remedy(50 * (high - low), causes, remedies)
+    if isinstance(settings, TheveninFilter) and state.held.voltage_V == HeldVoltage().voltage_V:
+        limits = settings.limits
+        why = ("no voltage was used",)
+        advice = f"none like {limits.lowest_ocv_V:.3g} to {limits.highest_ocv_V:.3g} V came: is it measured, and in V?"
     sentence = known_sentence(soc, half) if known else unknown_sentence(low, high, why, advice)
     return Explanation(soc, low, high, known, sentence, causes, remedies)
 

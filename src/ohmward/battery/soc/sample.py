@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from ohmward.checks import require_finite
+from ohmward.checks import require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag
 
 #: Standard deviation of a given initial state of charge, unless the caller gives another one.
 INITIAL_SOC_STD = 0.03
+#: Largest standard deviation of any state of charge; more is a percentage.
+MOST_SOC_STD = 0.5
 
 
 def starts_of_logs(initial_soc: float | Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float]:
@@ -118,6 +120,13 @@ class SocFlag(SampleFlag):
     RESTARTED = 512  # in Python: started again from this sample: the first voltage was wrong, or the state no number
     ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
+
+
+def require_soc_std(name: str, soc_std: float) -> None:
+    """Raise InputError unless a standard deviation of the state of charge is > 0 and at most `MOST_SOC_STD`."""
+    require_positive(name, soc_std)
+    if soc_std > MOST_SOC_STD:
+        raise InputError(f"{name} must be at most {MOST_SOC_STD:g} (0.03 is 3 points), got {soc_std:g}")
 
 
 class Estimator(Protocol):
