@@ -158,8 +158,10 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
 
 #: The file that names ohmward as its author, where there are several.
 _SIGNED = "README.md"
-#: How it does so: in its first characters, with the version; other texts about ohmward may stand anywhere.
-_AUTHOR, _HEAD = re.compile(r"(exported|Written) by ohmward \d"), 500
+#: How it does so, with the version; other texts may mention ohmward too.
+_AUTHOR = re.compile(r"(exported|Written) by ohmward \d")
+#: Number of characters at its beginning that are searched for that.
+_HEAD = 500
 
 
 def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:

@@ -48,8 +48,10 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events reported by a person at the robot.
 CHANGED, RESET = "battery_changed", "pose_reset"
-#: Length of the way home, and the time after which it is no longer used [s].
-HOME, HOME_S = "home_distance_m", 60.0
+#: Length of the way home.
+HOME = "home_distance_m"
+#: Time after which a length of the way home is no longer used.
+HOME_S = 60.0
 
 #: Fields of a drive sample that the odometry does not use: they are in the speed observer's estimate.
 NOT_OF_ODOMETRY = ("current_A", "acceleration_m_s2", "pitch_rad")
@@ -204,7 +206,8 @@ class Estimation:
 
     def _change_battery(self) -> None:
         """Restart charge and cells from the next voltage, and capacity from the label: another battery is in."""
-        self.battery, self.swaps = self._label, self.swaps + 1
+        self.battery = self._label
+        self.swaps += 1
         if self.battery and self.soc:
             self.soc, self.cells, self.absence = SocEstimator(self.battery, unix_s=self.unix_s), None, None
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False

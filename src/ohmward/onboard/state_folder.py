@@ -104,7 +104,8 @@ class StateFolder:
         battery = load_battery(source)
         if not self.learn:
             return battery
-        digest, noted = hashlib.sha256(source.read_bytes()).hexdigest(), self.path / GIVEN
+        digest = hashlib.sha256(source.read_bytes()).hexdigest()
+        noted = self.path / GIVEN
         if noted.exists() and noted.read_text(encoding="ascii", errors="replace") != digest:
             self._forget_learnt()
             self.notes.append(f"{given} has changed: it is used, and what was learnt with the one before is forgotten")
