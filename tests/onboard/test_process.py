@@ -404,6 +404,18 @@ def test_a_source_that_fails_again_and_again_is_one_line_in_the_log(battery, cap
     assert [r.message for r in caplog.records if "broken" in r.message] == ["source broken: no such port"]
 
 
+def test_late_messages_are_one_condition_with_the_delay_that_they_need(battery):
+    """Wheels that come 0.7 s later than a gyro."""
+    now_s = time.monotonic() - 4.0
+    messages = [Message(math.nan, now_s + 0.05 * k, "imu", {"yaw_rate_rad_s": 1e-3 * k}) for k in range(80)]
+    late = [Message(math.nan, now_s + 3.25, "wheels", moving(WHEELS, k)) for k in range(3)]
+    process = Process(Estimation(battery, load_robot("rlma")), [Script(messages + late)], [Collector()])
+    run(process, seconds=1.2)
+    found = process.diagnostics["order of messages"]
+    assert found.level == Level.WARN and "delay_s = 0.8 would do" in found.message
+    assert found.values["left_out"] == 3.0
+
+
 def test_a_process_without_source_or_sink_says_so(battery, caplog):
     run(Process(Estimation(battery), [], []))
     assert [r.message.partition(":")[0] for r in caplog.records] == ["no source", "no sink"]

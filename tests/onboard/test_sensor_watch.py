@@ -138,7 +138,7 @@ def test_one_message_of_a_source_is_found_to_be_repeated(battery):
 
 
 @pytest.mark.parametrize("step", [0.5, None], ids=["quantised", "without noise"])
-def test_values_without_noise_may_be_the_same_for_long(battery, step):
+def test_values_without_noise_may_be_the_same_for_long(battery, monkeypatch, step):
     """A robot that drives for 20 s and goes on at a constant speed, with coarse sensors or in a simulation."""
 
     def sample(t):
@@ -151,17 +151,17 @@ def test_values_without_noise_may_be_the_same_for_long(battery, step):
         }
 
     robot = Robot(battery)
-    robot.sample = sample  # type: ignore[method-assign]
+    monkeypatch.setattr(robot, "sample", sample)
     assert robot.run(end_s=60.0).wrong() == {}
 
 
-def test_a_robot_that_stops_and_stands_is_not_taken_for_a_source_that_repeats(battery):
+def test_a_robot_that_stops_and_stands_is_not_taken_for_a_source_that_repeats(battery, monkeypatch):
     """Its encoders are still, and its battery gives a small current without noise that a sensor could show."""
     robot = Robot(battery)
     driving = robot.sample
     still = dict.fromkeys((*(f"wheel_speed_rad_s.{name}" for name in PLACES), "yaw_rate_rad_s"), 0.0)
     still |= {"battery_current_A": -0.3, "battery_voltage_V": 13.1}
-    robot.sample = lambda t: driving(t) if t < 20.0 else still  # type: ignore[method-assign]
+    monkeypatch.setattr(robot, "sample", lambda t: driving(t) if t < 20.0 else still)
     assert robot.run(end_s=60.0).wrong() == {}
 
 
@@ -353,6 +353,17 @@ def test_messages_that_come_late_are_missed_no_longer(battery):
     watch.take("simulation", 6.5, 6.5, {"yaw_rate_rad_s": 0.0})
     after = {d.name: d.level for d in watch.look(7.0)}
     assert (late["messages of simulation"], after["messages of simulation"]) == (Level.STALE, Level.OK)
+
+
+def test_a_link_that_delivers_in_bursts_is_not_silent_between_them():
+    """Values of every 0.02 s come together every 1.6 s; then nothing comes."""
+    watch, levels = SensorWatch(), []
+    for burst in range(1, 10):
+        for k in range(80):
+            watch.take("wifi", 1.6 * (burst - 1) + 0.02 * k, 1.6 * burst, {"yaw_rate_rad_s": 1e-3 * k})
+        levels += [d.level for d in watch.look(1.6 * burst + 1.55) if d.name == "yaw_rate_rad_s"]
+    assert levels[1:] == [Level.OK] * 8
+    assert [d.level for d in watch.look(20.0) if d.name == "yaw_rate_rad_s"] == [Level.STALE]
 
 
 def test_a_slow_sensor_whose_first_values_came_in_haste_is_not_silent():

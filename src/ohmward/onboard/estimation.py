@@ -44,6 +44,9 @@ USUAL_S = 10.0
 #: Longest time that a sample waits for a signal; the first sample waits this long for signals that have never reported.
 LONGEST_S = 1.0
 
+#: Longest lateness that a delay would mend; later messages have another clock [s].
+LONGEST_DELAY_S = 10.0
+
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events reported by a person at the robot.
@@ -115,6 +118,8 @@ class Estimation:
         self.inbox = None
         if robot:
             self.inbox = SensorInbox(robot, self._delay_s, counts_per_turn=self.counts_per_turn, prompt=True)
+        #: Time of the newest drive message, and by how much the latest one that was left out came after it [s].
+        self._newest_drive_s, self.late_s = -math.inf, 0.0
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
@@ -189,7 +194,11 @@ class Estimation:
         if self.soc and parts.battery:
             states += self._put_battery(time_s, values)
         if self.inbox and parts.drive:
+            left_out = self.inbox.left_out
             self.inbox.put(time_s, **parts.drive_message(values))
+            if self.inbox.left_out > left_out and 0.0 < self._newest_drive_s - time_s < LONGEST_DELAY_S:
+                self.late_s = max(self.late_s, self._newest_drive_s - time_s)
+            self._newest_drive_s = max(self._newest_drive_s, time_s)
             states += [self._drive_state(sample) for sample in self.inbox.take()]
         if parts.reported:
             states.append(self._after(time_s, {name: values[name] for name in parts.reported}))

@@ -32,6 +32,9 @@ from ohmward.traction.odometry.sample import OdometryFlag
 #: Time between two checks for sensors that should have reported.
 SENSOR_LOOK_S = 0.25
 
+#: Time since the last late message after which all come in time, and the delays that are suggested.
+LATE_FOR_S, DELAYS_S = 60.0, (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+
 #: Least time between two checks for alarms.
 ALARM_LOOK_S = 0.2
 
@@ -103,7 +106,7 @@ class Process:
         self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
         self._reported: tuple[Diagnostic, ...] = ()
-        self._late = 0
+        self._left_out, self._late_s = 0, -math.inf  # drive messages left out, and when their number last grew
         self._alarms = AlarmWatch(alarms, ALARM_LOOK_S)
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
@@ -282,8 +285,10 @@ class Process:
             for sink, feed in self.sinks:
                 self.report(_delivery(sink.name, feed))
             if inbox := self.estimation.inbox:
-                self._late, late = inbox.left_out, inbox.left_out - self._late
-                self.report(_lateness(late, inbox.left_out))
+                if inbox.left_out != self._left_out:
+                    self._left_out, self._late_s = inbox.left_out, self.now_s()
+                is_late = self.now_s() - self._late_s < LATE_FOR_S
+                self.report(_lateness(is_late, inbox.left_out, self.estimation.late_s))
             if charge := self.estimation.state.battery:
                 self.report(_fit(charge))
             if self.clock.now_s() - self._passed_s > IDLE_S:
@@ -330,12 +335,15 @@ def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
     return diagnostic.level, diagnostic.message
 
 
-def _lateness(late: int, left_out: int) -> Diagnostic:
-    """Condition of the order of drive messages; late: number since the last check, left_out: since the start."""
-    if not late:
-        return Diagnostic("order of messages", Level.OK, "in time", {"left_out": float(left_out)})
-    message = "come later than others of a later time and are left out; raise delay_s, or look at their link"
-    return Diagnostic("order of messages", Level.WARN, message, {"left_out": float(left_out)})
+def _lateness(is_late: bool, left_out: int, late_s: float) -> Diagnostic:
+    """Condition of the order of drive messages; left_out: number since the start.  late_s: largest lateness so far."""
+    figures = {"left_out": float(left_out), "late_s": late_s}
+    if not is_late:
+        return Diagnostic("order of messages", Level.OK, "in time", figures)
+    delay_s = next((delay_s for delay_s in DELAYS_S if delay_s >= late_s), DELAYS_S[-1])
+    fix = f"delay_s = {delay_s:g} would do" if late_s else "their clock is another one"
+    message = f"come later than others of a later time and are left out; {fix}, or look at their link"
+    return Diagnostic("order of messages", Level.WARN, message, figures)
 
 
 def _delivery(name: str, feed: Feed) -> Diagnostic:

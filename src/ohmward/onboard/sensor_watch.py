@@ -28,6 +28,10 @@ from ohmward.traction.robot.robot import Robot
 #: A sensor is silent after this many usual intervals without a value, but no earlier than this time.
 SILENT_INTERVALS, SILENT_S = 5.0, 1.0
 
+#: A link delivers in bursts if values of later times wait for longer than a sensor may be silent; it is then silent after
+#: twice that wait, if that is no longer than this [s].
+LONGEST_BURST_S = 5.0
+
 #: A value is overdue after this many usual intervals, but no earlier than this time.
 DUE_INTERVALS, DUE_S = 2.0, 0.25
 
@@ -87,6 +91,7 @@ class WatchedSensor:
     last_s: float = -math.inf  #: time of its last value
     received_s: float = -math.inf  #: time of its receipt, which may be later
     interval_s: float = 0.0  #: usual time between two values
+    burst_s: float = 0.0  #: time between the bursts in which its values come, 0 if they come one by one
     true_s: float = -math.inf  #: receipt of the last value that may be true
     pauses: int = 0  #: silences in a row
     value: float = math.nan  #: last value within the limits
@@ -119,7 +124,7 @@ class WatchedSensor:
         """Time without a value after which it is silent; inf for an event, or a signal that has come only once."""
         if self.interval_s == 0.0 or self.signal in EVENTS:
             return math.inf
-        return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
+        return max(SILENT_INTERVALS * self.interval_s, SILENT_S, 2.0 * self.burst_s)
 
     def is_silent(self, now_s: float) -> bool:
         """True if no value has arrived for long; values that a slow link delivers late count."""
@@ -136,6 +141,9 @@ class WatchedSensor:
 
     def take(self, time_s: float, received_s: float, value: float) -> float:
         """The value; nan if it is outside the limits, stuck or repeated."""
+        waited_s = received_s - self.received_s
+        if SILENT_S < waited_s < LONGEST_BURST_S and 0.0 < time_s - self.last_s < SILENT_S:
+            self.burst_s = waited_s
         self.received_s = received_s
         if not self.lowest <= value <= self.highest:
             self.bad, self.bad_value = self.bad + 1, value
