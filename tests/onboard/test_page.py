@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 from ohmward import generic_battery
+from ohmward.energy.points import Quantiles
+from ohmward.energy.range_step import RangeEstimate
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
 from ohmward.onboard.estimation import Estimation
@@ -28,6 +30,7 @@ from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from onboard.page_server import TOKEN, drive, filled_dashboard, served
 from onboard.ros.test_messages import charge, driven
 
@@ -72,6 +75,24 @@ def test_the_view_has_bands_power_and_wheels_by_name():
     assert power["motion_W"] + power["slip_W"] + power["rest_W"] == pytest.approx(39.0)
     assert shown["level"] == "WARN"
     json.dumps(shown, allow_nan=False)
+
+
+def test_a_range_says_whether_the_charge_is_known():
+    state = drive()[-1]
+    quantiles = Quantiles(65.0, 1300.0, 3000.0)
+    reach = RangeEstimate(quantiles, quantiles, quantiles, quantiles, 0.9, 10.0, 0)
+    assert state.battery is not None
+    known = state._replace(range=reach, battery=state.battery._replace(soc=0.5, soc_std=0.02))
+    assert view(known)["range"]["charge_known"] is True
+    unknown = known._replace(battery=state.battery._replace(soc=0.5, soc_std=0.25))
+    assert view(unknown)["range"]["charge_known"] is False
+
+
+def test_power_has_no_parts_without_motor_currents():
+    state = drive()[-1]
+    assert state.slip is not None
+    blind = state._replace(slip=state.slip._replace(flags=int(SlipFlag.NO_CURRENT)))
+    assert set(view(blind)["power"]) == {"battery_W"}
 
 
 def test_wheels_keep_their_names_when_an_encoder_falls_silent():

@@ -1,10 +1,12 @@
 """The live page in headless Chromium: moving numbers, a phone, the keyboard, and what axe and schemathesis find."""
 
+import subprocess
 from collections import Counter
 
 import pytest
 from hypothesis import given, settings
 
+from needs import CHROMIUM
 from onboard.page_server import TOKEN, dashboard_with, drive, filled_dashboard, served, stored
 
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
@@ -95,6 +97,16 @@ def test_the_history_goes_back_as_far_as_the_store(browser, tmp_path, size):
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         assert faults == []
         page.close()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_a_printer_without_a_window_comes_to_an_end(page_address, tmp_path):
+    assert CHROMIUM is not None
+    picture = tmp_path / "now.png"
+    words = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}", f"--screenshot={picture}"]
+    words += ["--virtual-time-budget=5000", f"{page_address}/?once"]
+    subprocess.run([CHROMIUM, *words], timeout=120, check=True, capture_output=True)
+    assert picture.stat().st_size > 20_000
 
 
 def test_without_a_store_there_is_no_choice(opened):

@@ -102,7 +102,7 @@ class AlarmWatch:
         if self._current_A > 0.0:  # it charges
             low = home = math.inf
         if limits.charge:
-            found["charge"] = _width(state) - ANYTHING, hysteresis, _not_known(state)
+            found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, _not_known(state)
             if self._current_A > 0.0 and not state.is_silent("battery"):
                 found["charge"] = -math.inf, hysteresis, ""
         found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
@@ -120,7 +120,7 @@ class AlarmWatch:
         return found
 
 
-def _width(state: RobotState) -> float:
+def width_of_charge(state: RobotState) -> float:
     """Width of the band of the charge; inf if it is no longer known, nan if it is not known yet."""
     if state.battery is None:
         return math.inf if state.is_silent("battery") else math.nan
@@ -130,7 +130,7 @@ def _width(state: RobotState) -> float:
 
 def _low(state: RobotState) -> float:
     """Low end of the band of the charge; nan if there is none or it is too wide to be of use."""
-    width = _width(state)
+    width = width_of_charge(state)
     return soc_band(state.battery.soc, state.battery.soc_std)[0] if state.battery and width <= ANYTHING else math.nan
 
 

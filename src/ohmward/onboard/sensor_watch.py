@@ -28,8 +28,8 @@ from ohmward.traction.robot.robot import Robot
 #: A sensor is silent after this many usual intervals without a value, but no earlier than this time.
 SILENT_INTERVALS, SILENT_S = 5.0, 1.0
 
-#: A link delivers in bursts if values of later times wait for longer than a sensor may be silent; it is then silent after
-#: twice that wait, if that is no longer than this [s].
+#: A link delivers in bursts if values of later times wait for longer than a sensor may be silent, and no longer than
+#: this [s]; it is then silent after twice that wait.
 LONGEST_BURST_S = 5.0
 
 #: A value is overdue after this many usual intervals, but no earlier than this time.

@@ -11,9 +11,10 @@ import numpy as np
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.filters.consistency import BAND_95, ELLIPSE_95
 from ohmward.json_values import plain
-from ohmward.onboard.alarms import ANYTHING, NOT_KNOWN
+from ohmward.onboard.alarms import ANYTHING, NOT_KNOWN, width_of_charge
 from ohmward.onboard.robot_state import Level, RobotState, Totals, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
+from ohmward.traction.speed_observer.estimate import SlipFlag
 
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
@@ -53,8 +54,7 @@ def advice(state: RobotState) -> str:
         return state.alarms[0].text
     if state.battery is None or state.sample.get("battery_current_A", 0.0) > 0.0:  # it charges
         return ""
-    low, high = soc_band(state.battery.soc, state.battery.soc_std)
-    return NOT_KNOWN if high - low > ANYTHING else ""
+    return NOT_KNOWN if width_of_charge(state) > ANYTHING else ""
 
 
 def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...]:
@@ -163,6 +163,7 @@ def _range(state: RobotState) -> dict[str, Any] | None:
         "home_probability": reach.home_probability,
         "energy_J_per_m": reach.energy_J_per_m,
         "assumed": bool(reach.assumed),
+        "charge_known": width_of_charge(state) <= ANYTHING,
     }
 
 
@@ -203,7 +204,8 @@ def _power(state: RobotState) -> dict[str, Any]:
     gears and electronics.
     """
     whole_W = battery_power_W(state.sample)
-    if (slip := state.slip) is None:
+    slip = state.slip
+    if slip is None or int(slip.flags) & SlipFlag.NO_CURRENT:  # without currents the forces are unknown
         return {"battery_W": whole_W}
     motion_W = float(np.sum(slip.traction_N) * slip.speed_m_s)
     slip_W = float(np.sum(slip.traction_N * slip.slip_speed_m_s))

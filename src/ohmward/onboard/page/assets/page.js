@@ -70,12 +70,13 @@ function showRange(range) {
     say("range-sentence", "Known once the robot has driven for a while.");
     return;
   }
-  const [value, unit] = distance(range.distance_m.p50);
+  const [value, unit] = range.charge_known ? distance(range.distance_m.p50) : ["–", "km"];
   say("range", value);
   say("range-unit", unit);
-  const sure = `${distance(range.distance_m.p10).join(" ")} with 90 %, ${distance(range.distance_m.p90).join(" ")} with 10 %.`;
+  const unsure = range.charge_known ? "" : "Not known, as the charge: ";
+  const sure = `${unsure}${distance(range.distance_m.p10).join(" ")} with 90 %, ${distance(range.distance_m.p90).join(" ")} with 10 %.`;
   say("range-sentence", range.assumed ? `${sure} Little has been driven yet: flat ground at a usual speed is assumed.` : sure);
-  say("time-left", duration(range.duration_s.p50));
+  say("time-left", range.charge_known ? duration(range.duration_s.p50) : "–");
   say("consumption", fixed(range.energy_J_per_m.p50, 0, " J/m"));
   say("home", isKnown(range.home_probability) ? `${(100 * range.home_probability).toFixed(0)} %` : "–");
 }
@@ -214,6 +215,17 @@ function choose(event) {
   fetchHistory().catch(() => {});
 }
 
+// The present state alone, for printers and pictures: a browser without a window waits for the end of events in vain.
+async function listenOnce() {
+  clearInterval(ticking);
+  const answer = await fetch("/api/now");
+  const state = await answer.json();
+  heard = Date.now();
+  show(state);
+  await fetchHistory();
+  if (isKnown(state.unix_s)) say("link", new Date(1000 * state.unix_s).toLocaleString());
+}
+
 function listen() {
   const source = new EventSource("/events");
   source.onmessage = (event) => {
@@ -229,8 +241,9 @@ function showLink() {
   say("link", heard === 0 ? "connecting" : lost ? `no news for ${duration(silent / 1000)}; what you see is old` : stale || "live");
 }
 
-setInterval(showLink, 1000);
+const ticking = setInterval(showLink, 1000);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach((plot) => plot.plot.redraw(false)));
 at("sensors-details").addEventListener("toggle", listSensors);
 at("spans").addEventListener("click", choose);
-listen();
+if (new URLSearchParams(location.search).has("once")) listenOnce().catch(() => {});
+else listen();
