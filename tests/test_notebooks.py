@@ -1,5 +1,7 @@
 """The notebooks run from the first cell to the last, on the recordings that ship, and show what they are about."""
 
+import tomllib
+
 import matplotlib
 import pytest
 
@@ -29,3 +31,9 @@ def test_the_gallery_has_each_of_them():
     for notebook in notebooks():
         assert f"notebooks/{notebook.stem}" in gallery
         assert (FOLDER.parent / "pictures" / "gallery" / f"{notebook.stem}.png").exists()
+
+
+def test_the_gallery_names_the_packages_with_which_the_documentation_is_built():
+    project = tomllib.loads((FOLDER.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = project["dependency-groups"]["docs"][0].removeprefix("ohmward")
+    assert f"pip install '.{extras}'" in (FOLDER.parent / "gallery.md").read_text(encoding="utf-8")
