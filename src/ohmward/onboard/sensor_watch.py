@@ -44,12 +44,12 @@ TURNS = 2
 MOVE_C = 0.1
 
 #: A value has noise after this many changes, this share of which reverse the one before, and if it is never repeated
-#: more often than this, but for 0. Quantised and simulated values, and those of a sensor at rest, have none.
-NOISE_CHANGES, NOISE_REVERSALS, NOISE_REPEATS = 100, 0.25, 5
+#: more often than this, but for 0. Coarse and simulated values, and those of a sensor at rest, have none.
+NOISE_CHANGES, NOISE_REVERSALS, NOISE_REPEATS = 100, 0.25, 20
 
-#: Time for which all values with noise are the same when their source repeats its last message, and least number of
-#: such values.
-REPEATED_S, FEWEST_WITH_NOISE = 5.0, 2
+#: Time for which all values with noise are the same when their source repeats its last message, multiple of the most
+#: repetitions before, and least number of such values.
+REPEATED_S, REPEATED_MORE, FEWEST_WITH_NOISE = 5.0, 10, 2
 
 #: Quantities that show that a robot is not at rest, at this share of their usual size.
 _MOVES, _NOT_AT_REST = ("battery_current_A", "wheel_speed_rad_s", "motor_current_A", "yaw_rate_rad_s"), 0.5
@@ -211,6 +211,11 @@ class WatchedSensor:
         """True if its values normally differ from each other."""
         often = self.changes >= NOISE_CHANGES and self.reversals >= NOISE_REVERSALS * self.changes
         return often and self.longest <= NOISE_REPEATS
+
+    @property
+    def is_repeated(self) -> bool:
+        """True if the value has been the same for much longer than ever before."""
+        return self.is_same and self.same > REPEATED_MORE * self.longest and self.last_s - self.same_s >= REPEATED_S
 
     @property
     def moves(self) -> bool:
@@ -376,8 +381,11 @@ class SensorWatch:
                 together.setdefault((sensor.source, sensor.last_s), []).append(sensor)  # of one message
                 together.setdefault((sensor.source, math.inf), []).append(sensor)
         for sensors in together.values():
-            same = all(sensor.is_same and sensor.last_s - sensor.same_s >= REPEATED_S for sensor in sensors)
-            if same and len(sensors) >= FEWEST_WITH_NOISE and any(sensor.moves for sensor in sensors):
+            if (
+                all(sensor.is_repeated for sensor in sensors)
+                and len(sensors) >= FEWEST_WITH_NOISE
+                and any(sensor.moves for sensor in sensors)
+            ):
                 for sensor in sensors:
                     sensor.stuck = True
 
