@@ -1,5 +1,6 @@
 """A log is checked against the range of its battery's tests."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +35,11 @@ def test_another_number_of_cells_is_named(cells, named):
     """A file of four cells and logs of half charged packs."""
     found = other_cells(log(cells * 3.3), BATTERY)
     assert ("contradicts the battery file" in found and "n_series = 4" in found) == named
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_log_without_a_voltage_contradicts_no_number_of_cells():
+    assert other_cells(log(math.nan), BATTERY) == ""
 
 
 @pytest.mark.parametrize("share", [0.25, 2.0])

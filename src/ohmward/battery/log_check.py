@@ -106,6 +106,8 @@ def check_log(log: Log, battery: Battery) -> Log:
 def other_cells(log: Log, battery: Battery) -> str:
     """Contradiction of the log's voltage with the number of cells in the battery file; "" for none."""
     curve_V = battery.thevenin.ocv.voltage_V
+    if not np.isfinite(log.voltage_V).any():
+        return ""
     usual_V = float(np.nanmedian(log.voltage_V))
     if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
         return _better_explained(log, battery)
