@@ -44,40 +44,43 @@ def on_dask(
         finished = distributed.as_completed(list(paths_of))
         for future in finished:
             paths = paths_of.pop(future)
-            error = _error(client, future, address)
-            if error and len(paths) > 1:
-                following = [[path] for path in paths]
-            else:
-                following = list(islice(waiting, 1))
-            if error and len(paths) == 1:
-                suspects += paths
+            rows = _rows(client, future, address)
+            failed_together = isinstance(rows, BaseException) and len(paths) > 1
+            following = [[path] for path in paths] if failed_together else list(islice(waiting, 1))
             submitted = {_submit(client, job, batch): batch for batch in following}
             paths_of |= submitted
             finished.update(list(submitted))
-            if not error:
-                yield future.result()
+            if not isinstance(rows, BaseException):
+                yield rows
+            elif not failed_together:
+                suspects += paths
         for path in suspects:
             yield _alone(client, job, path, address)
 
 
 def _alone(client: Client, job: Job, path: str, address: str) -> list[dict[str, Any]]:
     """Row of a log that has the cluster to itself; if it fails, with the reason."""
-    future = _submit(client, job, [path])
-    error = _error(client, future, address)
-    return [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()
+    rows = _rows(client, _submit(client, job, [path]), address)
+    return [failed(path, f"{path}: {type(rows).__name__}: {rows}")] if isinstance(rows, BaseException) else rows
 
 
-def _error(client: Client, future: Future, address: str) -> BaseException | None:
-    """Error of a batch, None without one; waits for its end.
+def _rows(client: Client, future: Future, address: str) -> list[dict[str, Any]] | BaseException:
+    """Rows of a batch, or its error; waits for its end.
 
-    A scheduler whose workers all die at once may cancel a batch that was finished on one of them.
+    A scheduler whose workers all die at once may cancel a batch that was finished on one of them, or wait for rows that
+    died with it.
     """
     error = future.exception()
-    if future.status not in ("cancelled", "lost"):
+    if future.status in ("cancelled", "lost"):
+        if client.status != "running":
+            raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: finished logs are kept")
+        return OhmwardError("Dask has cancelled it, because its workers died")
+    if error:
         return error
-    if client.status != "running":
-        raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: finished logs are kept")
-    return OhmwardError("Dask has cancelled it, because its workers died")
+    try:
+        return future.result(timeout=SCHEDULER_TIMEOUT_S)
+    except Exception as lost:
+        return lost
 
 
 def _submit(client: Client, job: Job, batch: list[str]) -> Future:
