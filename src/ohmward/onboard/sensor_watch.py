@@ -207,10 +207,14 @@ class WatchedSensor:
         return self.same >= FEWEST_VALUES and self.last_s - self.same_s >= REPEATS_S
 
     @property
+    def varies(self) -> bool:
+        """True if its values have often gone up and down, although they may have been the same for long."""
+        return self.changes >= NOISE_CHANGES and self.reversals >= NOISE_REVERSALS * self.changes
+
+    @property
     def has_noise(self) -> bool:
         """True if its values normally differ from each other."""
-        often = self.changes >= NOISE_CHANGES and self.reversals >= NOISE_REVERSALS * self.changes
-        return often and self.longest <= NOISE_REPEATS
+        return self.varies and self.longest <= NOISE_REPEATS
 
     @property
     def is_repeated(self) -> bool:
@@ -377,17 +381,15 @@ class SensorWatch:
         """Find the sensors of sources, and of messages of theirs, that are repeated to the last bit."""
         together: dict[tuple[str, float], list[WatchedSensor]] = {}
         for sensor in self.sensors.values():
-            if sensor.has_noise:
+            if sensor.varies:
                 together.setdefault((sensor.source, sensor.last_s), []).append(sensor)  # of one message
                 together.setdefault((sensor.source, math.inf), []).append(sensor)
         for sensors in together.values():
-            if (
-                all(sensor.is_repeated for sensor in sensors)
-                and len(sensors) >= FEWEST_WITH_NOISE
-                and any(sensor.moves for sensor in sensors)
-            ):
+            noisy = [sensor for sensor in sensors if sensor.has_noise]
+            repeated = len(noisy) >= FEWEST_WITH_NOISE and all(sensor.is_repeated for sensor in noisy)
+            if repeated and any(sensor.moves for sensor in noisy):
                 for sensor in sensors:
-                    sensor.stuck = True
+                    sensor.stuck = sensor.stuck or sensor.is_same
 
     def _find_stuck(self) -> None:
         self._find_repeated()
