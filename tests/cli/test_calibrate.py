@@ -112,10 +112,10 @@ def test_loads_as_weighed_are_written(folder, as_json):
         (("--truth", "x"), "moves sideways too"),
         ((*POSE, "--floor", "soft"), "--floor NAME and --floors FILE.toml belong together"),
         ((*POSE, "--what", "mass"), "--what takes radius, track, motor, separated by commas; got 'mass'"),
-        ((*POSE, "--what", "track"), "has no left and right side; leave the track out of --what"),
+        ((*POSE, "--what", "track"), "has no left and right side; leave the track out (--what"),
         ((*POSE[:-1], "lap"), "there is no column 'lap' for --each"),
         ((*POSE, "-o", "smooth.csv"), "the name must end in .toml"),
-        ((*POSE, "--wheel-load", "3,5,3"), "--wheel-load adds up to 11 N, the robot file's mass weighs 110.8 N"),
+        ((*POSE, "--wheel-load", "3,5,3"), "(--wheel-load) add up to 11 N, the robot file's mass weighs 110.8 N"),
     ],
 )
 def test_what_cannot_work_is_refused(folder, refused, words, message):

@@ -92,7 +92,7 @@ def test_a_log_that_failed_is_tried_again(fleet, tmp_path):
 
 def test_a_process_that_is_killed_ends_the_run_with_advice(fleet, tmp_path):
     paths, job = fleet
-    with pytest.raises(OhmwardError, match="fewer --processes"):
+    with pytest.raises(OhmwardError, match=r"fewer \(--processes"):
         run_fleet(paths, Deadly(**vars(job)), tmp_path / "out", partial(in_processes, processes=2), batch=1)
 
 

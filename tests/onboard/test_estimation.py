@@ -238,7 +238,7 @@ def test_a_forecast_of_the_battery_that_was_taken_out_is_ignored(battery):
 
 
 @pytest.mark.parametrize(
-    ("home_m", "at_s", "least", "most"), [(10.0, 0.5, 0.95, 1.0), (1e6, 0.5, 0.0, 0.1), (10.0, 90.0, math.nan, 0.0)]
+    ("home_m", "at_s", "least", "most"), [(10.0, 0.5, 0.9, 1.0), (1e6, 0.5, 0.0, 0.1), (10.0, 90.0, math.nan, 0.0)]
 )
 def test_the_probability_of_reaching_home_is_that_of_a_way_given_lately(battery, home_m, at_s, least, most):
     estimation: Any = Estimation(battery, RLMA)

@@ -254,8 +254,7 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
         reference_N = c.reference_N[c.terrains.index(stretch.terrain)]
         x[k] = q * stretch.distance_m
         x[c.day_effect_index(stretch.terrain)] = x[DAY_EFFECT] = x[k] * reference_N
-        if stretch.distance_m:
-            x[HEAT] = (work_J / stretch.distance_m) ** 2 * moving_time_s(stretch)
+        x[HEAT] = (work_J / max(stretch.distance_m, _LEAST_M)) ** 2 * moving_time_s(stretch)
     return x
 
 

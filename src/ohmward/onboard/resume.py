@@ -24,6 +24,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.given_soc import STANDBY_PER_HOUR, after_absence, takes_given_soc
+from ohmward.battery.soc.sample import MOST_SOC_STD
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
@@ -99,7 +100,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     try:
         estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
     except InputError:
-        begin = min(max(known.soc, 0.0), 1.0), known.std
+        begin = min(max(known.soc, 0.0), 1.0), min(known.std, MOST_SOC_STD)
         estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
         return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)

@@ -167,7 +167,7 @@ def learn_log(
         contradiction = _misfit_of_file(battery, new.parts, initial_soc if at_start else None)
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
-    anchored = sum(anchor.kind != "rest" for anchor in anchors) + (at_start and initial_soc is not None)
+    anchored = sum(anchor.kind != "rest" for anchor in anchors) + bool(at_start and initial_soc is not None)
     seen = SeenLog(
         name=log.name,
         fingerprint=new.fingerprint,

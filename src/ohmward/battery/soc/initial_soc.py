@@ -22,7 +22,7 @@ import numpy as np
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
 from ohmward.battery.soc.clean_sample import first_input
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample, require_soc_std
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.start_density import (
     BEYOND,
     GRID_STEP,
@@ -33,7 +33,7 @@ from ohmward.battery.soc.start_density import (
     soc_grid,
     start_hypotheses,
 )
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_positive
 from ohmward.trace import clip, exp, maximum, minimum, sqrt, where
 
 #: Cells of SoC of the start that can be traced; their number is divisible by that of the hypotheses of a sum.
@@ -71,7 +71,7 @@ class VoltageStart:
         """
         if soc is not None:
             require_between("initial_soc", soc, 0.0, 1.0)
-            require_soc_std("initial_soc_std", soc_std)
+            require_positive("initial_soc_std", soc_std)
         grid = soc_grid(soc)
         expected = self.expected_voltage(grid, first)
         return start_hypotheses(grid, first.voltage_V, expected, soc, soc_std, self.count, wrong_share)
