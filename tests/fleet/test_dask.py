@@ -34,22 +34,17 @@ class Poisoned(Job):
         return super().run(paths)
 
 
-@pytest.fixture(scope="module")
-def cluster():
+@pytest.fixture
+def address():
+    """Where the scheduler of a new cluster is: workers that a test before has killed may not come back in time."""
     import dask
 
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
     ):
-        yield cluster
-
-
-@pytest.fixture
-def address(cluster):
-    """Where the scheduler is, once the workers that the test before has killed are there again."""
-    cluster.wait_for_workers(2, timeout=100)
-    return cluster.scheduler_address
+        cluster.wait_for_workers(2, timeout=100)
+        yield cluster.scheduler_address
 
 
 def test_a_cluster_gives_what_one_process_gives(tmp_path, address):
