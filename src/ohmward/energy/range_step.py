@@ -36,7 +36,7 @@ from ohmward.quantities import FASTEST_M_S, MOST_C
 RECENT_S = 3600.0
 
 #: Weight of everything ever driven, as a further time [s] of driving.
-USUAL_S = 1800.0
+USUAL_GROUND_S = 1800.0
 
 #: Flat way ahead of a robot that has hardly moved yet, with the consumption and band of its table.
 FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
@@ -330,7 +330,7 @@ def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
     if not usual_s > 0.0:
         return []
     climbing = sum(s.climb_m for s in driven) / total_distance_m(driven)
-    share = USUAL_S / usual_s
+    share = USUAL_GROUND_S / usual_s
     return [
         Stretch(
             name,

@@ -67,7 +67,7 @@ LATE_S = 0.5
 MOST_SENSORS = 1000
 
 #: Weight of the newest interval in the usual one.
-_NEWEST = 0.05
+_NEWEST_WEIGHT = 0.05
 
 #: Signal whose moves show that another one is stuck.
 _PARTNER = {
@@ -174,7 +174,7 @@ class WatchedSensor:
         self.reversals += rises != self.rises
         self.rises = rises
         self.changes += 1
-        self.usual += max(_NEWEST, 1.0 / self.changes) * (abs(value) - self.usual)
+        self.usual += max(_NEWEST_WEIGHT, 1.0 / self.changes) * (abs(value) - self.usual)
 
     def _moved(self) -> None:
         upwards = self.value > self.moved_to
@@ -188,7 +188,7 @@ class WatchedSensor:
         if self.interval_s == 0.0:
             self.interval_s = gap_s if gap_s < math.inf else 0.0
         elif gap_s < SILENT_S or gap_s < self.silent_after_s:
-            self.interval_s += _NEWEST * (gap_s - self.interval_s)
+            self.interval_s += _NEWEST_WEIGHT * (gap_s - self.interval_s)
             self.pauses = 0
         else:
             self.pauses += 1

@@ -31,7 +31,7 @@ _RANGES, _COHERENT, _FEWEST_WRAPPED, _UNEXPLAINED_SHARE = np.linspace(0.8, 4.0, 
 _LARGE = 0.02
 #: Tolerance with which a number is whole in its last digit. One without a sign, read with it, must leave less than this
 #: share of what the voltage's steps leave otherwise.
-_WHOLE, _BETTER = 1e-3, 0.2
+_WHOLE_NUMBER_WITHIN, _BETTER = 1e-3, 0.2
 #: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100
 #: A cell has more than this resistance [ohm], except those of hundreds of ampere-hours, and at most this voltage [V].
@@ -104,7 +104,7 @@ def _count_below_zero(current_A: np.ndarray, voltage_V: np.ndarray, range_A: flo
     (T,) than the current as it stands, and than a current that has lost its sign.
     """
     counts = current_A / digit_A
-    if current_A.min() < 0.0 or np.abs(counts - np.rint(counts)).max() > _WHOLE:
+    if current_A.min() < 0.0 or np.abs(counts - np.rint(counts)).max() > _WHOLE_NUMBER_WITHIN:
         return 0
     dI, dV = np.diff(current_A), np.diff(voltage_V)
     edge = _voltage_edges(dI, dV)

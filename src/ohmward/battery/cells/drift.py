@@ -32,7 +32,7 @@ from ohmward.filters.consistency import BAND_95
 #: The grid of the integral over the largest of n normal variables.
 _GRID = np.linspace(-8.0, 8.0, 3201)
 #: Least capacity of a pack in computing its state of charge, relative to that of the typical cell.
-_LEAST_SHARE = 1e-3
+_LEAST_ROOM = 1e-3
 
 
 class PackState(NamedTuple):
@@ -65,7 +65,7 @@ def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
 
     usable_Ah, room = of_weakest(charge_Ah), np.min(room_Ah, axis=-1)
     pack_Ah = usable_Ah + room
-    divisor_Ah = np.maximum(pack_Ah, _LEAST_SHARE * np.asarray(typical_Ah))  # one cell empty, another one full
+    divisor_Ah = np.maximum(pack_Ah, _LEAST_ROOM * np.asarray(typical_Ah))  # one cell empty, another one full
     of_soc_Ah = of_weakest(capacity_Ah * cells.soc_std)
     of_capacity_Ah = of_weakest(charge_Ah * cells.capacity_ratio_std / cells.capacity_ratio)
     usable_std_Ah = np.hypot(of_soc_Ah, of_capacity_Ah)

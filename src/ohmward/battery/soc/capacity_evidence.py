@@ -20,7 +20,7 @@ from ohmward.trace import clip, maximum, sqrt
 from ohmward.trace.expression import Scalar
 
 #: Keeps ratios of variances of a capacity that is exact finite: far below the square of any variance.
-_LEAST = 1e-30
+_NO_DIVISOR_BELOW = 1e-30
 
 
 class CapacityEvidence(NamedTuple):
@@ -31,17 +31,17 @@ class CapacityEvidence(NamedTuple):
 
     def faded(self, decay: Scalar, before: Scalar, after: Scalar) -> CapacityEvidence:
         """The evidence after a step: decay of a pass, and variances of the capacity before the step and after it."""
-        return CapacityEvidence(decay * self.recent, self.used * before / maximum(after, _LEAST))
+        return CapacityEvidence(decay * self.recent, self.used * before / maximum(after, _NO_DIVISOR_BELOW))
 
 
 def count_once(evidence: CapacityEvidence, prior: Belief, posterior: Belief, k: int) -> tuple[Belief, CapacityEvidence]:
     """The posterior with what is new about state k, and the evidence after it; k: index of the gain of the charge."""
     P, fall = prior.cov[k, k], maximum(prior.cov[k, k] - posterior.cov[k, k], 0.0)
-    gained = fall / maximum(P * (P - fall), _LEAST)
+    gained = fall / maximum(P * (P - fall), _NO_DIVISOR_BELOW)
     recent = evidence.recent + gained
     new = clip(recent - evidence.used, 0.0, gained)
     left = maximum(fall - P * P * new / (1.0 + P * new), 0.0)
     mean, cov = posterior.mean.copy(), posterior.cov.copy()
-    mean[k] = mean[k] - sqrt(left / maximum(fall, _LEAST)) * (mean[k] - prior.mean[k])
+    mean[k] = mean[k] - sqrt(left / maximum(fall, _NO_DIVISOR_BELOW)) * (mean[k] - prior.mean[k])
     cov[k, k] = cov[k, k] + left
     return Belief(mean, cov), CapacityEvidence(recent, evidence.used + new)
