@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from battery.anchor_examples import day, label
+from ohmward.battery.models.noise import PASS_SOC
 from ohmward.battery.soc.capacity_evidence import CapacityEvidence, count_once
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.filters.belief import Belief
@@ -29,12 +30,12 @@ def test_new_evidence_counts_in_full():
     assert after.mean == pytest.approx(full.mean)
     assert after.cov == pytest.approx(full.cov)
     shown = 1.0 / full.cov[GAIN, GAIN] - 1.0 / PRIOR.cov[GAIN, GAIN]
-    assert evidence == pytest.approx((shown, shown))
+    assert (evidence.recent, evidence.used) == pytest.approx((shown, shown))
 
 
 def test_evidence_that_an_earlier_pass_has_shown_leaves_the_capacity_alone():
     full = measured(PRIOR, 1.6)
-    after, evidence = count_once(CapacityEvidence(0.0, 1e6), PRIOR, full, GAIN)
+    after, evidence = count_once(CapacityEvidence(used=1e6), PRIOR, full, GAIN)
     assert after.mean == pytest.approx([full.mean[0], PRIOR.mean[GAIN]])
     assert after.cov[GAIN, GAIN] == pytest.approx(PRIOR.cov[GAIN, GAIN])
     assert after.cov[0] == pytest.approx(full.cov[0])
@@ -45,7 +46,7 @@ def test_a_part_that_is_new_is_the_update_with_a_smaller_gain():
     """The covariance is Joseph's for the gain that was used, so that it is exact."""
     full = measured(PRIOR, 1.6)
     shown = 1.0 / full.cov[GAIN, GAIN] - 1.0 / PRIOR.cov[GAIN, GAIN]
-    after, evidence = count_once(CapacityEvidence(0.0, 0.7 * shown), PRIOR, full, GAIN)
+    after, evidence = count_once(CapacityEvidence(used=0.7 * shown), PRIOR, full, GAIN)
     assert 1.0 / after.cov[GAIN, GAIN] == pytest.approx(1.0 / PRIOR.cov[GAIN, GAIN] + 0.3 * shown)
     assert evidence.used == pytest.approx(shown)
     K = (after.mean - PRIOR.mean) / (1.6 - PRIOR.mean.sum())
@@ -53,20 +54,25 @@ def test_a_part_that_is_new_is_the_update_with_a_smaller_gain():
     assert after.cov == pytest.approx(A @ PRIOR.cov @ A.T + 0.02 * np.outer(K, K))
 
 
-def test_passes_that_repeat_themselves_show_no_more_than_the_best_of_them():
+def test_passes_that_repeat_themselves_show_no_more_than_the_best_two_of_them():
     belief, evidence = PRIOR, CapacityEvidence()
     passes = []
     for _ in range(20):
-        evidence = evidence.faded(np.exp(-2.0), 1.0, 1.0)
+        evidence = evidence.after_step(1.1 * PASS_SOC, 1.0, 1.0)
         belief, evidence = count_once(evidence, belief, measured(belief, 1.6), GAIN)
         belief = Belief(belief.mean, np.diag([0.01, belief.cov[GAIN, GAIN]]))  # the next pass starts anew
         belief.cov[0, 1] = belief.cov[1, 0] = 0.0
-        passes.append(evidence.recent)
+        passes.append(evidence.recent + evidence.before)
     assert 1.0 / belief.cov[GAIN, GAIN] == pytest.approx(1.0 / PRIOR.cov[GAIN, GAIN] + max(passes))
 
 
+def test_a_pass_ends_where_its_charge_has_flowed():
+    assert CapacityEvidence(3.0, 1.0, 3.0, 0.5).after_step(0.4, 1.0, 1.0) == (3.0, 1.0, 3.0, 0.9)
+    assert CapacityEvidence(3.0, 1.0, 3.0, 0.9).after_step(0.4, 1.0, 1.0) == (0.0, 3.0, 3.0, 0.0)
+
+
 def test_a_walk_of_the_capacity_makes_room_for_new_evidence():
-    assert CapacityEvidence(3.0, 8.0).faded(0.5, 0.01, 0.04) == (1.5, 2.0)
+    assert CapacityEvidence(used=8.0).after_step(0.0, 0.01, 0.04).used == 2.0
 
 
 def days_apart(chemistry, count):
@@ -85,5 +91,5 @@ def test_a_fortnight_of_equal_days_is_no_surer_of_the_capacity_than_four_of_them
 
 def test_a_capacity_that_is_exact_stays_so():
     exact = Belief(np.array([0.5, 1.0]), np.diag([0.01, 0.0]))
-    after, evidence = count_once(CapacityEvidence().faded(0.9, 0.0, 0.0), exact, measured(exact, 1.6), GAIN)
-    assert (after.mean[GAIN], after.cov[GAIN, GAIN], evidence) == (1.0, 0.0, (0.0, 0.0))
+    after, evidence = count_once(CapacityEvidence().after_step(0.1, 0.0, 0.0), exact, measured(exact, 1.6), GAIN)
+    assert (after.mean[GAIN], after.cov[GAIN, GAIN], evidence.used) == (1.0, 0.0, 0.0)

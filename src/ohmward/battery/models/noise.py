@@ -45,9 +45,9 @@ RESISTANCE_CORRELATION = 0.7
 #: wrong resistance leaves in the cold.
 LEVEL_SOC_LENGTH = 1.0
 
-#: Charge that flows in one pass over the curve, there and back, over the capacity: a day of a robot. What voltages show
-#: of the capacity on another pass has the same error.
-PASS_SOC_LENGTH = 2.0
+#: Charge that flows in one pass over the curve, over the capacity. What voltages show of the capacity on another pass
+#: in the same direction has the same error.
+PASS_SOC = 1.0
 
 #: Relative error of the capacity and error of the logarithm of the resistances because a file does not know how old its
 #: battery is. Cells with 80 % of their capacity have about 1.5 times the resistance.

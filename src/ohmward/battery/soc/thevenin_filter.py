@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import PASS_SOC_LENGTH, SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
+from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
@@ -43,7 +43,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, exp, logical_not, maximum, where
+from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
@@ -314,7 +314,7 @@ class TheveninFilter:
         used_now = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(anchored)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         updated = apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0))
-        belief, evidence = count_once(self.faded_evidence(state, prior, clean), prior, updated, system.gain_index)
+        belief, evidence = count_once(self.evidence_before(state, prior, clean), prior, updated, system.gain_index)
         return TheveninUpdate(
             belief=belief,
             correction=correction,
@@ -328,11 +328,11 @@ class TheveninFilter:
             evidence=evidence,
         )
 
-    def faded_evidence(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> CapacityEvidence:
+    def evidence_before(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> CapacityEvidence:
         """Evidence about the capacity after the prediction of the step."""
         k = self.system.gain_index
-        passed = exp(self.system.moved(clean.mean.current_A, clean) * (-1.0 / PASS_SOC_LENGTH))
-        return state.evidence.faded(passed, unpack(state.belief).cov[k, k], prior.cov[k, k])
+        moved = self.system.moved(clean.mean.current_A, clean)
+        return state.evidence.after_step(moved, unpack(state.belief).cov[k, k], prior.cov[k, k])
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
         """Errors of the voltage; sigma points already contain what a tangent leaves out of the mean."""
