@@ -135,7 +135,7 @@ def test_a_log_that_has_changed_is_estimated_again(fleet, tmp_path):
 def test_another_version_does_not_mix_its_results_in(fleet, tmp_path, monkeypatch):
     paths, job = fleet
     run_fleet(paths[:1], job, tmp_path / "out")
-    monkeypatch.setattr("importlib.metadata.version", lambda name: "999")
+    monkeypatch.setattr("ohmward.fleet.run.__version__", "999")
     with pytest.raises(InputError, match="or version of ohmward"):
         run_fleet(paths[:1], job, tmp_path / "out")
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import importlib.metadata
 import json
 import logging
 import multiprocessing
@@ -24,6 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 from urllib.parse import quote
 
+from ohmward import __version__
 from ohmward.atomic import open_to_append, replacing
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
@@ -59,7 +59,7 @@ class FleetJob(Protocol):
 
 def digest_of(settings: Any) -> str:
     """Digest of the settings of a job and of the version of ohmward, written as JSON."""
-    text = json.dumps([importlib.metadata.version("ohmward"), settings])
+    text = json.dumps([__version__, settings])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
