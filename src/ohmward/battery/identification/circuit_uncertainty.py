@@ -430,7 +430,8 @@ def current_noise_A(record: Record) -> float:
 
     0 for a record of varying currents alone, whose steps are those of the load.
     """
-    steps = [np.diff(record.current_A[p.first : p.last + 1]) for p in record.phases if p.kind != "varying"]
+    current_A = record.current_A
+    steps = [np.diff(current_A[p.first : p.last + 1]) for p in record.phases if p.kind != "varying"]
     return _white_std(np.concatenate([np.zeros(0), *steps]))
 
 
