@@ -408,11 +408,11 @@ def even_times(time_s: np.ndarray) -> np.ndarray:
     """
     if time_s.size < _FEWEST_ROWS:
         return time_s
-    counted_s = _USUAL_SHARE * usual_interval_s(time_s) * np.arange(time_s.size)
+    counted_s = _USUAL_SHARE * measured_interval_s(time_s) * np.arange(time_s.size)
     return np.minimum.accumulate((time_s - counted_s)[::-1])[::-1] + counted_s
 
 
-def usual_interval_s(time_s: np.ndarray) -> float:
+def measured_interval_s(time_s: np.ndarray) -> float:
     """Usual interval [s] at which rows that may arrive in bursts, at times (T,) [s], were measured.
 
     Many rows together show it, from the last row of one burst to that of another: from any row to any other, the phase
