@@ -5,8 +5,9 @@ leaves samples without a value: its last value holds for its usual interval, whi
 that it is missing. The interval follows the gaps between values, quickly up to the longest of them and slowly down, so
 that jitter makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
 
-An encoder that repeats a number other than zero to the last bit while another one moves has stopped. One that stops at
-zero cannot be distinguished from a standing wheel.
+An encoder that repeats a number other than zero to the last bit while another one moves has stopped. One that repeats
+zero may be that of a standing wheel, unless it fell to zero faster than a robot can brake, or the gyro turns the robot
+the other way than the wheels that move.
 """
 
 from __future__ import annotations
@@ -212,6 +213,13 @@ CURRENT_FADES_S = 0.5
 #: Time [s] of repeating itself, while another encoder moves, after which an encoder has stopped.
 STOPPED_AFTER_S = 2.0
 
+#: Time [s] for which one that repeats zero must contradict the others before it has stopped; least yaw rate [rad/s] of
+#: a gyro and of the wheels that turn the robot against each other.
+CONTRADICTS_S, AGAINST_RAD_S = 1.0, 0.05
+
+#: Largest fall of a rim's speed, at once [m/s] and by braking [m/s2].
+FALLS_M_S, BRAKES_M_S2 = 0.05, 10.0
+
 
 class SensorStds(NamedTuple):
     """Standard deviations of sensors in a sample, given or matched."""
@@ -249,10 +257,19 @@ class CleanSample(NamedTuple):
 
 
 class EncoderWatch(NamedTuple):
-    """Last speeds (wheels,) of the encoders [rad/s], and time (wheels,) for which each has repeated itself [s]."""
+    """What shows that an encoder has stopped, each (wheels,)."""
 
-    last_rad_s: np.ndarray
-    repeated_s: np.ndarray
+    last_rad_s: np.ndarray  #: last speed
+    repeated_s: np.ndarray  #: time for which it has repeated one other than zero while another encoder moved
+    fell: np.ndarray  #: 1 where it fell to zero faster than a robot can brake, and has repeated it since
+    contradicts_s: np.ndarray  #: time for which it has repeated zero and contradicted the other wheels or the gyro
+    silent_s: np.ndarray  #: time since its last value, or since it stopped
+
+
+def watch_encoders(robot: Robot) -> EncoderWatch:
+    """The watch before the first sample."""
+    nothing = np.zeros(len(robot.places))
+    return EncoderWatch(nothing, nothing, nothing, nothing, nothing)
 
 
 def is_usable(std: Scalar, limits: tuple[float, float]) -> Any:
@@ -312,8 +329,10 @@ def hold_still(clean: CleanSample, rest_s: Scalar, hold_s: float) -> CleanSample
     )
 
 
-def without_stopped(clean: CleanSample, before: EncoderWatch) -> tuple[CleanSample, EncoderWatch, Scalar]:
-    """The sample without encoders that have stopped, the watch after it, and the condition that one has."""
+def without_stopped(
+    clean: CleanSample, before: EncoderWatch, robot: Robot
+) -> tuple[CleanSample, EncoderWatch, np.ndarray]:
+    """The sample without stopped encoders, the watch after it, and the conditions (wheels,) that they have stopped."""
     wheels = list(zip(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s, strict=True))
     moved = [good & (speed != last) for good, speed, last in wheels]
     repeats = [good & logical_not(speed != last) & (last != 0.0) for good, speed, last in wheels]
@@ -323,6 +342,29 @@ def without_stopped(clean: CleanSample, before: EncoderWatch) -> tuple[CleanSamp
         where(again, t + passed_s, where(some([moves, stands]), 0.0, t))
         for again, moves, stands, t in zip(repeats, moved, stood, before.repeated_s, strict=True)
     ])  # fmt: skip
-    stopped = np.array([time_s > STOPPED_AFTER_S for time_s in repeated_s])
-    watch = EncoderWatch(where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s), repeated_s)
-    return clean._replace(wheel_measured=clean.wheel_measured & logical_not(stopped)), watch, some(stopped)
+    against = turns_against(clean, robot)
+    slowest_rad_s = (FALLS_M_S + BRAKES_M_S2 * clean.dt_s) / robot.wheel.radius_m
+    fell = np.array([
+        where(moves, where((speed == 0.0) & (abs(last) > slowest_rad_s), 1.0, 0.0), before_fell)
+        for moves, (_, speed, last), before_fell in zip(moved, wheels, before.fell, strict=True)
+    ])  # fmt: skip
+    contradicts_s = np.array([
+        where(moves | logical_not(stands), 0.0, t + where(against, clean.dt_s, falling * passed_s))
+        for moves, stands, falling, t in zip(moved, stood, fell, before.contradicts_s, strict=True)
+    ])  # fmt: skip
+    stopped = np.array([
+        (again_s > STOPPED_AFTER_S) | (zero_s > CONTRADICTS_S)
+        for again_s, zero_s in zip(repeated_s, contradicts_s, strict=True)
+    ])  # fmt: skip
+    last_rad_s = where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s)
+    measured = clean.wheel_measured & logical_not(stopped)
+    silent_s = where(measured, 0.0, before.silent_s + clean.dt_s)
+    watch = EncoderWatch(last_rad_s, repeated_s, fell, contradicts_s, silent_s)
+    return clean._replace(wheel_measured=measured), watch, stopped
+
+
+def turns_against(clean: CleanSample, robot: Robot) -> Scalar:
+    """The condition that the gyro turns the robot the other way than the wheels."""
+    by_wheels = robot.motion_by_rims[-1] @ (robot.wheel.radius_m * clean.wheel_speed_rad_s[: robot.driven])
+    both = minimum(abs(by_wheels), abs(clean.yaw_rate_rad_s)) > AGAINST_RAD_S
+    return isfinite(clean.yaw_rate_rad_s) & both & (by_wheels * clean.yaw_rate_rad_s < 0.0)

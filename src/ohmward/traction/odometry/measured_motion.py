@@ -38,7 +38,16 @@ from ohmward.traction.motion.sample import (
     was_seen,
 )
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
-from ohmward.traction.odometry.modes import LEAST_STEP_S, ModeSpeed, ModeState, Turning, first_modes, weigh
+from ohmward.traction.odometry.modes import (
+    LEAST_STEP_S,
+    ModeSpeed,
+    ModeState,
+    Turning,
+    by_wheels,
+    first_modes,
+    rims_show_sideways,
+    weigh,
+)
 from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
@@ -155,13 +164,41 @@ def passive_wheels(robot: Robot) -> np.ndarray:
     return np.arange(robot.driven, len(robot.places) if isinstance(robot.chassis, Differential) else robot.driven)
 
 
-def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) -> tuple[MotionState, Scalar]:
-    """The state with the sample's values, and the condition that wheels have jumped; new: of a speed observer."""
+def with_silent_wheels(
+    clean: CleanSample, before: MotionState, x: np.ndarray, robot: Robot
+) -> tuple[CleanSample, Scalar]:
+    """The sample with speeds of driven wheels that are not measured, by the others and the gyro; whether there are any.
+
+    x: (n,) state of the odometry before the step.
+    """
+    n, measured = robot.driven, clean.wheel_measured[: robot.driven]
+    if n < 2 or rims_show_sideways(robot):
+        return clean, False
+    turned = isfinite(clean.yaw_rate_rad_s)
+    silent = some(measured) & logical_not(every(measured)) & (turned | holds(before.intervals)[GYRO])
+    gyro_rad_s = where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s)
+    turning_m_s = robot.rolling[:n, -1] * by_wheels(gyro_rad_s - x[OFFSET], x[TURN_SCALE])
+    along_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n] - turning_m_s
+    mean_m_s = sum(where(measured, along_m_s, 0.0)) / maximum(sum(where(measured, 1.0, 0.0)), 1.0)
+    filled = where(measured, clean.wheel_speed_rad_s[:n], (mean_m_s + turning_m_s) / robot.wheel.radius_m)
+    speeds = [*where(silent, filled, clean.wheel_speed_rad_s[:n]), *clean.wheel_speed_rad_s[n:]]
+    known = [*(good | silent for good in measured), *clean.wheel_measured[n:]]
+    return clean._replace(wheel_speed_rad_s=np.array(speeds), wheel_measured=np.array(known)), silent
+
+
+def sense(
+    before: MotionState, clean: CleanSample, silent: Scalar, new: Observed, robot: Robot
+) -> tuple[MotionState, Scalar]:
+    """The state with the sample's values, and the condition that wheels have jumped.
+
+    silent: the condition that wheels have the speed that others and the gyro give them.
+    new: of a speed observer.
+    """
     speed_rad_s, dt_s = clean.wheel_speed_rad_s[: robot.driven], clean.dt_s
     passive_rad_s = clean.wheel_speed_rad_s[passive_wheels(robot)]
     measured = every(clean.wheel_measured[: robot.driven])
     turned_rad = where(measured, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
-    encoder = choose(measured, count_seen(before, turned_rad), before.encoder)
+    encoder = choose(measured & logical_not(silent), count_seen(before, turned_rad), before.encoder)
     usual_s = before.intervals.usual_s[WHEELS]
     jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s + dt_s, usual_s, encoder, robot)
     jump = measured & some(jumps)

@@ -90,6 +90,11 @@ class Turning(NamedTuple):
     scale_std: Scalar  #: of that
 
 
+def by_wheels(turn_rad_s: Scalar, scale: Scalar) -> Scalar:
+    """Yaw rate that wheels show where the robot turns at `turn_rad_s`; scale: k_w, by which it turns more."""
+    return turn_rad_s / (1.0 + maximum(scale, LEAST_SCALE - 1.0))
+
+
 def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
     """Driven wheels that slip in each mode: each one, and those of a side; empty if rims measure sideways speed."""
     n = robot.driven
@@ -135,7 +140,7 @@ def weigh(
     """
     modes, n = [(), *slip_modes(robot)], robot.driven
     turning = turning._replace(scale=maximum(turning.scale, LEAST_SCALE - 1.0))
-    rate = turning.rad_s / (1.0 + turning.scale)
+    rate = by_wheels(turning.rad_s, turning.scale)
     by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
     rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
     sideways = rims_show_sideways(robot)

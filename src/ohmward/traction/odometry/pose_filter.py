@@ -21,10 +21,15 @@ from ohmward.trace import cos, linearize, logical_not, maximum, minimum, sin, sq
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
 from ohmward.traction.motion.sample import (
+    FIRST_INTERVAL_S,
+    LOST,
     CleanSample,
+    EncoderWatch,
     no_sample,
     sanitize,
     was_seen,
+    watch_encoders,
+    without_stopped,
 )
 from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
 from ohmward.traction.odometry.corrections import (
@@ -65,6 +70,7 @@ from ohmward.traction.odometry.measured_motion import (
     show,
     turn_per_slip,
     walk_variance,
+    with_silent_wheels,
 )
 from ohmward.traction.odometry.model import (
     GROSS_SLIP,
@@ -98,6 +104,7 @@ class PoseState(NamedTuple):
     motion: MotionState  #: last values of the sensors
     gyro: GyroNoise  #: its noise as learnt so far
     watch: GyroWatch  #: of whether it is stuck
+    encoders: EncoderWatch  #: of whether they have stopped
     sums: TurnSums  #: angles of gyro and wheels since they were last compared
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
@@ -155,8 +162,8 @@ class PoseFilter:
         steps = self.late_steps
         gyro = gyro_noise_of_sheet(self.noise.gyro_walk)
         return PoseState(
-            pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), TurnSums(), empty_trail(steps),
-            HeadingTimes(), Overrun(),
+            pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), watch_encoders(self.robot), TurnSums(),
+            empty_trail(steps), HeadingTimes(), Overrun(),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -164,14 +171,16 @@ class PoseFilter:
         clean = sanitize(sample.robot, self.gap_s)
         watch = watch_gyro(state.watch, clean, self.robot)
         clean = without_stuck_gyro(clean, watch)
+        clean, encoders, _ = without_stopped(clean, state.encoders, self.robot)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
-        sensors, jump = sense(state.motion, clean, sample.observed, self.robot)
+        clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
+        sensors, jump = sense(state.motion, clean, silent, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
         gyro = self.estimate_gyro_noise(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
-        comparable = motion.input.comparable & watch.comparable
+        comparable = motion.input.comparable & watch.comparable & logical_not(silent)
         motion = motion._replace(input=motion.input._replace(comparable=comparable))
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
@@ -200,9 +209,10 @@ class PoseFilter:
         missed = missed_variance(missed_rad, watch)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
         estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, distance_m, second_order_m)
-        flags = self.flags(before, clean, motion, body)
+        no_encoder = some_silent(encoders, sensors, self.robot)
+        flags = self.flags(before, clean, no_encoder, motion, body)
         after = PoseState(
-            pack(body.belief), motion.sensors, gyro, watch, sums, trail, heading, overrun, unconfirmed,
+            pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
@@ -296,13 +306,16 @@ class PoseFilter:
             flags=0.0,
         )
 
-    def flags(self, before: Belief, clean: CleanSample, motion: MeasuredMotion, body: PoseCorrection) -> Scalar:
+    def flags(
+        self, before: Belief, clean: CleanSample, no_encoder: Scalar, motion: MeasuredMotion, body: PoseCorrection
+    ) -> Scalar:
         """Flags of a sample."""
         return flags_of({
             OdometryFlag.BAD_TIME: logical_not(clean.time_credible),
             OdometryFlag.GAP: clean.gap,
             OdometryFlag.NO_WHEELS: motion.no_wheels,
             OdometryFlag.NO_GYRO: motion.no_gyro,
+            OdometryFlag.NO_ENCODER: no_encoder,
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
             OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.sensors.held.probability > ALARM),
@@ -313,6 +326,13 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:
+    """The condition that some driven wheels have had no value for long, while others have."""
+    longest_s = (LOST + 1) * maximum(sensors.intervals.usual_s[WHEELS], FIRST_INTERVAL_S)
+    silent = [silent_s > longest_s for silent_s in encoders.silent_s[: robot.driven]]
+    return some(silent) & logical_not(every(silent))
 
 
 def missed_turn(x: np.ndarray, watch: GyroWatch, yaw_rad: Scalar) -> Scalar:

@@ -93,3 +93,5 @@ class OdometryFlag(SampleFlag):
     HEADING_REJECTED = 2048  #: a heading outside its gate, as near iron; not used
     WHEEL_SLIPS = 4096  #: a wheel, or one side's wheels, probably slip: the others give the speed
     STUCK = 8192  #: the wheels turn but the robot stands, by an outside speed
+    #: a driven wheel is not measured, or its encoder has stopped: with a gyro the others give its speed
+    NO_ENCODER = 16384

@@ -50,6 +50,7 @@ from ohmward.traction.motion.sample import (
     no_sample,
     samples_of,
     sanitize,
+    watch_encoders,
     without_stopped,
 )
 from ohmward.traction.robot.robot import Robot
@@ -231,19 +232,16 @@ class SlipOnFloors:
     def init(self, first: RobotSample) -> FloorState:
         """State before the first sample, with the rim speeds of its encoders."""
         robot = self.wheels.robot
-        nothing = np.zeros(len(robot.places))
-        watch = EncoderWatch(nothing, nothing)
         wheels = self.wheels.init(sanitize(first, GAP_S))
         rim = wheels.belief.mean[: robot.freedoms]
-        return FloorState(
-            wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, LossState()
-        )
+        slow_rim, encoders = np.array([rim, rim]), watch_encoders(robot)
+        return FloorState(wheels, slow_rim, self.recognition.init(), self.crossing.init(robot), encoders, LossState())
 
     def step(self, state: FloorState, sample: RobotSample) -> tuple[FloorState, FloorEstimate]:
         """State and estimate after a sample."""
         robot = self.wheels.robot
         seen_now = sanitize(sample, GAP_S)
-        clean, watch, stopped = without_stopped(seen_now, state.encoders)
+        clean, watch, stopped = without_stopped(seen_now, state.encoders, robot)
         wheels, belief = self.wheels.step(state.wheels, clean)
         noise_N, belief = belief.force_std_N, with_friction(robot, belief)
         slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
@@ -273,7 +271,7 @@ class SlipOnFloors:
                 FloorFlag.GAP: clean.gap,
                 FloorFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
                 FloorFlag.NO_ENCODER: logical_not(every(seen_now.wheel_measured[: robot.driven])),
-                FloorFlag.ENCODER_STOPPED: stopped,
+                FloorFlag.ENCODER_STOPPED: some(stopped),
                 FloorFlag.MOTION_UNKNOWN: logical_not(moving),
                 FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
             }),
