@@ -14,7 +14,6 @@ from ohmward.logs.clean import (
     to_si,
     without_silent_spikes,
     without_spikes,
-    without_temperature_spikes,
 )
 from ohmward.logs.columns import Column
 from ohmward.logs.log import without_impossible
@@ -23,7 +22,7 @@ from ohmward.logs.units import UNITS
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.survey import find_gaps
 
-TEMPERATURE = QUANTITIES["battery_temperature_degC"]
+TEMPERATURE, VOLTAGE = QUANTITIES["battery_temperature_degC"], QUANTITIES["battery_voltage_V"]
 
 CHOSEN = {
     "time": Column("time", UNITS["s"]),
@@ -203,7 +202,7 @@ def voltages():
 def test_single_rows_of_a_voltage_that_no_battery_shows_are_left_out_and_counted(value, rows):
     voltage_V = voltages()
     voltage_V[rows] = value
-    found_V, notes = without_spikes(voltage_V)
+    found_V, notes = without_spikes(VOLTAGE, voltage_V)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_V)), rows)
     assert [note.level for note in notes] == ["warning"]
     assert f"{len(rows)} voltage" in notes[0].text and f"of {value:g} V left out" in notes[0].text
@@ -214,21 +213,21 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
     """A test may take a cell, or a capacitor, far down."""
     voltage_V = voltages()
     voltage_V[stretch] = 2.0
-    assert without_spikes(voltage_V) == (voltage_V, ())
+    assert without_spikes(VOLTAGE, voltage_V) == (voltage_V, ())
 
 
 @pytest.mark.parametrize("value", [-40.0, 0.0, 85.0])
 def test_single_temperatures_far_from_those_around_are_left_out_and_counted(value):
     degC = 23.0 + 10.0 * np.linspace(0.0, 1.0, 400)
     degC[[3, 200, 201]] = value
-    found_degC, notes = without_temperature_spikes(degC)
+    found_degC, notes = without_spikes(TEMPERATURE, degC)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_degC)), [3, 200, 201])
     assert f"3 temperatures of {value:g} degC left out" in notes[0].text
 
 
 def test_a_battery_that_is_carried_into_the_cold_keeps_its_temperatures():
     degC = np.repeat([23.0, -5.0, 40.0], 100)
-    assert without_temperature_spikes(degC) == (degC, ())
+    assert without_spikes(TEMPERATURE, degC) == (degC, ())
 
 
 def loads():

@@ -8,7 +8,6 @@ import pytest
 from needs import measured_file
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note, examine, read_log
-from ohmward.logs.doctor import survey
 from ohmward.signals.survey import noise_std
 
 
@@ -33,7 +32,7 @@ def test_a_healthy_log_has_no_findings(healthy):
 
 
 def test_numbers_of_a_pulse_log(healthy):
-    found = survey(healthy)
+    found = examine(healthy).survey
     current = healthy.current_A
     assert (found.samples, found.duration_s) == (600, 599.0)
     assert (found.sampling.median_s, found.sampling.irregularity, found.sampling.gaps) == (1.0, 0.0, 0)
@@ -131,7 +130,7 @@ def test_a_log_without_any_current_is_refused(healthy):
 
 def test_measured_pulse_test():
     """ORNL HPPC: ten 30 A discharge pulses; its README says 0.01 A and 1 mV."""
-    found = survey(read_log(measured_file("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")))
+    found = examine(read_log(measured_file("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet"))).survey
     assert found.activity.pulses == 10
     assert found.current.resolution == pytest.approx(0.01, rel=1e-3)
     assert found.voltage.resolution == pytest.approx(0.001, rel=1e-3)
@@ -140,6 +139,7 @@ def test_measured_pulse_test():
 
 def test_measured_lead_acid_offset():
     """BBOXX: its README gives a zero offset of +0.01 to +0.07 A, in a file where positive current discharges."""
-    activity = survey(read_log(measured_file("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))).activity
+    log = read_log(measured_file("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))
+    activity = examine(log).survey.activity
     assert activity.rest_current_A is not None
     assert -0.07 < activity.rest_current_A < -0.005

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from needs import measured_file
 from ohmward.errors import InputError, OhmwardError
-from ohmward.logs import FileHints, read_log
-from ohmward.logs.doctor import survey
+from ohmward.logs import FileHints, examine, read_log
 
 
 def csv(names, *columns):
@@ -257,7 +256,7 @@ def test_stamps_to_the_minute_keep_resistance_and_charge(write_text, pulses):
     log = read_log(write_text("\n".join(["Date,Current (A),Voltage (V)", *rows])), extra=())
     np.testing.assert_allclose(log.time_s, time_s, atol=1e-6)
     assert log.throughput_Ah() == pytest.approx(np.abs(current_A).sum() / 3600.0)
-    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert examine(log).survey.sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
     assert any(note.level == "warning" and "11 stamps" in note.text for note in log.notes)
 
 
@@ -356,7 +355,7 @@ def test_rows_that_are_no_measurement_do_not_hide_the_sign(write_text, pulses):
     voltage_V[[95, 210, 333, 334]] = 65.535
     log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], time_s, current_A, voltage_V)))
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.voltage_V)), [95, 210, 333, 334])
-    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert examine(log).survey.sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
     assert "warning: 4 voltages of 65.535 V left out: no measurement, far from the rows around" in texts(log)
 
 

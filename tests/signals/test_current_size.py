@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.signals.current_size import check_hidden_charge, check_wrapped, too_small
+from ohmward.signals.current_size import check_hidden_charge, check_wrapped, not_in_amperes
 
 
 def drive(largest_A, seed=0):
@@ -83,7 +83,7 @@ def test_a_current_that_has_lost_its_sign_did_not_wrap(largest_A):
 def test_a_power_in_kilowatts_read_in_watts_is_named_by_its_resistance(scale, named):
     """20 mohm a cell become 20 ohm."""
     current_A, voltage_V = drive(20.0)
-    assert bool(too_small(scale * current_A, voltage_V)) == named
+    assert (not_in_amperes(scale * current_A, voltage_V) is not None) == named
 
 
 def charged_past_the_sensor(seed=0):

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -171,7 +172,9 @@ class RobotJob:
                 rows[text] = failed(text, str(error))
         has_clock = [log.start_unix_s is not None for _, log in read]
         if not any(has_clock):
-            return _one_after_the_other(read)
+            # in the order in which they are given, with an assumed pause between them
+            starts_s = accumulate((log.duration_s + UNKNOWN_PAUSE_S for _, log in read), initial=0.0)
+            return [_Dated(text, log, start_s) for (text, log), start_s in zip(read, starts_s, strict=False)]
         for text, log in read:
             if log.start_unix_s is None:
                 rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
@@ -216,15 +219,6 @@ def _given_all_logs(
     if is_known and len(rows) > 1:
         change |= {"soh_change": found.change.mean, "soh_change_std": found.change.std}
     return change
-
-
-def _one_after_the_other(read: Sequence[tuple[str, Log]]) -> list[_Dated]:
-    """Logs without a wall clock in the order in which they are given, with an assumed pause between them."""
-    found, start_s = [], 0.0
-    for text, log in read:
-        found.append(_Dated(text, log, start_s))
-        start_s += log.duration_s + UNKNOWN_PAUSE_S
-    return found
 
 
 def _date(log: Log) -> str | None:

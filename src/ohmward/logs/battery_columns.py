@@ -34,7 +34,6 @@ class CellVoltages(NamedTuple):
 
     names: tuple[str, ...]  #: (n,) of the columns, in the order of their numbers
     voltage_V: np.ndarray  #: (T, n); nan where one was not measured
-    note: Note  #: where they come from
 
 
 def find_cells(
@@ -64,7 +63,7 @@ def find_cells(
         error = error[np.isfinite(error)]
         if error.size and np.median(error) <= SUM_TOLERANCE:
             note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
-            return CellVoltages(row, cells_V, note), (note,)
+            return CellVoltages(row, cells_V), (note,)
         if is_named(row) and error.size:
             text = (
                 f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(cells_V.sum(axis=1)):.4g} V, the "
@@ -275,12 +274,9 @@ def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
 
 
 #: Names of the column of a state.
-_STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
-          frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")), frozenset(("direction",)),
-          frozenset(("type",)), frozenset(("phase",)), frozenset(("operation",)), frozenset(("modus",)),
-          frozenset(("zustand",)), frozenset(("betriebsart",)), frozenset(("état",)), frozenset(("etat",)),
-          frozenset(("estado",)), frozenset(("modo",)), frozenset(("stato",)), frozenset(("状态",)),
-          frozenset(("режим",)))  # fmt: skip
+_STATES = words_of("state", "status", "mode", "step type", "md", "step name", "work mode", "direction", "type", "phase",
+                   "operation", "modus", "zustand", "betriebsart", "état", "etat", "estado", "modo", "stato", "状态",
+                   "режим")  # fmt: skip
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}

@@ -18,7 +18,7 @@ from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.current_size import forgotten_scale
+from ohmward.signals.current_size import not_in_amperes
 from ohmward.signals.survey import find_gaps, spread, usual_interval_s
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
@@ -40,7 +40,6 @@ _HUGE, _ANSWERS = 3.0, 0.2
 _STUCK_CURRENT_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_TURNS_SHARE = 60.0, 30, 6, 0.25
 #: A voltage move is large above this fraction of that at the largest current edge, and this many times the noise.
 _LARGE_MOVE, _BEYOND_NOISE = 0.1, 6.0
-_ALONE = "no measurement, far from the rows around"
 # If fewer than this fraction of the currents have a voltage in their row, the two have different sampling rates.
 _TOGETHER_FRACTION = 0.5
 # Silences of a recorder of changes are filled up to this duration [s], each with at most this many rows.
@@ -81,22 +80,11 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
     return np.where(infinite, np.nan, values), (note,)
 
 
-def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The voltages (T,) [V] with isolated impossible values, such as 0 or 65.535 V, set to NaN, and a note on them."""
-    usual_V = _usual(voltage_V)
-    rows, _ = _alone(voltage_V, usual_V, _SPIKE_SHARE * abs(usual_V))
-    return without_rows(voltage_V, rows, "voltage", "V", _ALONE)
-
-
-def without_temperature_spikes(degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The temperatures (T,) [degC] with isolated impossible values, as -40 or 0, set to NaN, and a note on them."""
-    rows, _ = _alone(degC, _usual(degC), _FAR_K)
-    return without_rows(degC, rows, "temperature", "degC", _ALONE)
-
-
-def _usual(values: np.ndarray) -> float:
-    """Median of the finite values among (T,); 0 if there are none."""
-    return float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+def without_spikes(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Voltages or temperatures (T,), isolated impossible values, such as 65.535 V, set to NaN, and a note on them."""
+    usual = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+    rows, _ = _alone(values, usual, _FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * abs(usual))
+    return without_rows(quantity, values, rows, "no measurement, far from the rows around")
 
 
 def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
@@ -119,7 +107,8 @@ def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple
     silent = np.isnan(beside_V[:, 1]) | (
         np.where(np.isnan(answer_V), 0.0, answer_V).max(axis=1) < _ANSWERS * expected_V
     )
-    return without_rows(current_A, rows[silent], "current", "A", "no measurement, the voltage does not answer")
+    current = QUANTITIES["battery_current_A"]
+    return without_rows(current, current_A, rows[silent], "no measurement, the voltage does not answer")
 
 
 def without_stuck_current(
@@ -162,34 +151,32 @@ def battery_temperature(
 
     column: of the temperature, if there is one.
     """
+    quantity = QUANTITIES["battery_temperature_degC"]
     given_degC = hints.temperature_degC
     notes: tuple[Note, ...] = ()
     if column is not None and measured is not None and _is_of_no_sensor(column, measured):
         advice = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{advice}"
         measured, notes = None, (Note(text, "warning"),)
-    elif measured is not None and (scale := _wrong_scale(measured)):
+    elif measured is not None and (scale := _wrong_scale(quantity, measured)):
         measured, notes = None, (Note(f"temperature left out: {scale}", "warning"),)
     elif measured is not None:
-        measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
-        measured, spikes = without_temperature_spikes(measured)
-        notes += spikes
+        measured, impossible = without_impossible(quantity, measured)
+        measured, spikes = without_spikes(quantity, measured)
+        notes = impossible + spikes
     if given_degC is None:
         return measured, notes
-    if measured is not None:
-        return measured, (
-            *notes,
-            Note(f"temperature of {given_degC:g} degC not used: the log has its own", "warning"),
-        )
-    return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as given"))
+    if measured is None:
+        text = f"temperature of {given_degC:g} degC throughout, as given"
+        return np.full(samples, given_degC), (*notes, Note(text))
+    text = f"temperature of {given_degC:g} degC not used: the log has its own"
+    return measured, (*notes, Note(text, "warning"))
 
 
-def _wrong_scale(measured: np.ndarray) -> str:
-    """A finding on temperatures (T,) [degC] of which most are impossible: their unit is another one; else ""."""
-    quantity = QUANTITIES["battery_temperature_degC"]
+def _wrong_scale(quantity: Quantity, measured: np.ndarray) -> str:
+    """A finding on values (T,) of a quantity of which most are impossible: their unit is another one; else ""."""
     known = measured[np.isfinite(measured)]
-    usual = float(np.median(known)) if known.size else np.nan
-    if not known.size or quantity.limits.lowest <= usual <= quantity.limits.highest:
+    if not known.size or quantity.limits.lowest <= np.median(known) <= quantity.limits.highest:
         return ""
     return "; ".join(map(str, beyond_limits(quantity, known.min(), known.max(), quantity.limits, "log", "it ")))
 
@@ -219,7 +206,7 @@ def without_impossible(
         wrong = (values < quantity.limits.lowest) | (values > quantity.limits.highest)
     if not unit_known and 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(values)):
         return values, ()
-    return without_rows(values, np.flatnonzero(wrong), quantity.channel, quantity.unit, "no battery has them")
+    return without_rows(quantity, values, np.flatnonzero(wrong), "no battery has them")
 
 
 def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:
@@ -236,16 +223,17 @@ def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np
 
 
 def without_rows(
-    values: np.ndarray, rows: np.ndarray, quantity: str, unit: str, fault: str
+    quantity: Quantity, values: np.ndarray, rows: np.ndarray, fault: str
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The values (T,) with NaN in the rows, and a note with their number, range and fault."""
+    """The values (T,) of a quantity with NaN in the rows, and a note with their number, range and fault."""
     if not rows.size:
         return values, ()
     low, high = values[rows].min(), values[rows].max()
-    seen = f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+    seen = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     rest = values.copy()
     rest[rows] = np.nan
-    return rest, (Note(f"{counted(rows.size, quantity)} of {seen} left out: {fault}", "warning"),)
+    text = f"{counted(rows.size, quantity.channel)} of {seen} {quantity.unit} left out: {fault}"
+    return rest, (Note(text, "warning"),)
 
 
 def drop_untimed(table: Table, time: str) -> Table:
@@ -452,9 +440,10 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
         return
     options = ["--unit", "voltage=mV"]
     units = {"voltage": "mV"}
-    if current.unit is None and (forgotten := forgotten_scale(table.columns[current.name], 1e-3 * voltage_V)):
-        options += ["--unit", f"current={forgotten[0].symbol}"]
-        units["current"] = forgotten[0].symbol
+    other = not_in_amperes(table.columns[current.name], 1e-3 * voltage_V) if current.unit is None else None
+    if other and other.scale:
+        options += ["--unit", f"current={other.scale.symbol}"]
+        units["current"] = other.scale.symbol
     raise InputError(
         f"{table.source}: column {voltage.name!r} is usually {usual_V:.5g} V, more than the {highest_V:g} V of any "
         f"battery; say its unit with {' '.join(options)} (units={units}), or, if it is right, voltage=V",
@@ -463,18 +452,13 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
 
 
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
-    """Refuse a drive with an implausible sampling interval if the unit of the time is a guess.
-
-    time: its column.  time_s: (T,) [s], increasing.  guessed: the unit of the time is a guess.
+    """Refuse a drive with an implausible sampling interval if the unit of the time is a guess; see `require_plausible`.
 
     Raises:
         InputError: names the interval and the options that correct it.
     """
-    if (
-        guessed
-        and time_s.size > 1
-        and not SHORTEST_DRIVE_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S
-    ):
+    interval = usual_interval_s(time_s) if guessed and time_s.size > 1 else SLOWEST_DRIVE_S
+    if not SHORTEST_DRIVE_S <= interval <= SLOWEST_DRIVE_S:
         raise InputError(
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
             f"{_advice(interval)}"

@@ -174,9 +174,9 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
     values = table.columns[column.name]
     if date is not None and date in table.columns and values.dtype == object:
         values = _joined(values, table.columns[date])
-    if (fraction := fraction_column(tuple(table.columns), column.name)) is not None:
-        nanoseconds = fraction.nanoseconds * numbers(table, fraction.name)
-        values = _with_nanoseconds(numbers(table, column.name), nanoseconds)
+    if fraction := fraction_column(tuple(table.columns), column.name):
+        name, unit_ns = fraction
+        values = _with_nanoseconds(numbers(table, column.name), unit_ns * numbers(table, name))
     if values.dtype.kind in "mM":
         clock = clock_of_dates(values)
         if values.dtype.kind == "M" and are_whole_days(values):

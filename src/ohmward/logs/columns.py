@@ -82,22 +82,16 @@ class UnclearColumnsError(InputError):
         )
 
 
-class FractionColumn(NamedTuple):
-    """A column of the fractions of a second that belong to whole seconds in another column."""
-
-    name: str
-    nanoseconds: float  #: length of its unit
-
-
-#: Endings of such columns, whose names are otherwise those of the seconds: `stamp.sec`, `stamp.nanosec`; `sec`, `usec`.
+#: Endings of columns of fractions of a second beside whole seconds, and the lengths of their units [ns]: `stamp.sec`,
+#: `stamp.nanosec`; `sec`, `usec`.
 _FRACTIONS = {"nanosec": 1.0, "nsecs": 1.0, "nsec": 1.0, "usecs": 1e3, "usec": 1e3, "msecs": 1e6, "msec": 1e6}
 
 
-def fraction_column(names: Sequence[str], name: str) -> FractionColumn | None:
-    """The column of the fractions that belong to the whole seconds in `name`, if there is one."""
+def fraction_column(names: Sequence[str], name: str) -> tuple[str, float] | None:
+    """The column of the fractions that belong to the whole seconds in `name`, and its unit [ns]; None without one."""
     stem = re.sub(r"secs?$", "", name)
-    found = (FractionColumn(stem + end, unit_ns) for end, unit_ns in _FRACTIONS.items() if stem + end != name)
-    return next((fraction for fraction in found if stem != name and fraction.name in names), None)
+    found = ((stem + end, unit_ns) for end, unit_ns in _FRACTIONS.items() if stem != name and stem + end in names)
+    return next(found, None)
 
 
 class Column(NamedTuple):
@@ -272,7 +266,7 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
-        fractions = [fraction.name for column in fits if (fraction := fraction_column(names, column.name))]
+        fractions = [fraction[0] for column in fits if (fraction := fraction_column(names, column.name))]
         fits = [column for column in fits if column.name not in fractions]
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
     if channel in (CURRENT, VOLTAGE) and not has_input_voltage(names):

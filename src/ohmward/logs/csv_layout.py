@@ -79,15 +79,8 @@ def _without_mark(head: bytes) -> str:
     sample = head[: len(head) & ~3][:4096]
     if len(sample) < 8:
         return ""
-    zeros = [sample[k::4].count(0) / (len(sample) // 4) for k in range(4)]
-    usual = [share > 0.8 for share in zeros]
-    names = {
-        (False, True, True, True): "utf-32-le",
-        (True, True, True, False): "utf-32-be",
-        (False, True, False, True): "utf-16-le",
-        (True, False, True, False): "utf-16-be",
-    }
-    return names.get((usual[0], usual[1], usual[2], usual[3]), "")
+    places = "".join("0" if sample[k::4].count(0) > 0.8 * (len(sample) // 4) else "x" for k in range(4))
+    return {"x000": "utf-32-le", "000x": "utf-32-be", "x0x0": "utf-16-le", "0x0x": "utf-16-be"}.get(places, "")
 
 
 def _code_page(head: bytes) -> str:
@@ -214,21 +207,14 @@ class _LimitedGzip(gzip.GzipFile):
         super().__init__(path, mode)
         self.packed: Any = self.fileobj
 
-    def read(self, size: int | None = -1) -> bytes:
-        self._require_log()
-        return super().read(size)
-
     def read1(self, size: int = -1) -> bytes:
-        self._require_log()
-        return super().read1(size)
-
-    def _require_log(self) -> None:
         unpacked, taken = self.tell(), max(self.packed.tell(), 1)
         if unpacked > UNPACKED_BYTES and unpacked > UNPACKED_TIMES * taken:
             raise InputError(
                 f"{Path(self.name).name}: the gzip file unpacks to more than {UNPACKED_BYTES >> 20} MiB and "
                 f"{UNPACKED_TIMES} times its size, as no log does; if it is one, unpack it with gunzip first"
             )
+        return super().read1(size)
 
 
 def open_text(path: Path, encoding: str | None = None) -> TextIO:

@@ -94,10 +94,8 @@ def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
     return DriveSurvey(len(log), log.duration_s, sampling_of(log.time_s), **known)
 
 
-def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
-    """Statistics of a log.
-
-    evidence: of the sign of its current, if already computed.
+def survey(log: Log, evidence: SignEvidence) -> Survey:
+    """Statistics of a log, with the evidence of the sign of its current.
 
     Raises:
         InputError: the log has no current or no voltage at all.
@@ -105,7 +103,6 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
     for name, values in (("current_A", log.current_A), ("voltage_V", log.voltage_V)):
         if np.isnan(values).all():
             raise InputError(f"log {log.name!r}: {name} has no value; a log needs both current and voltage")
-    evidence = evidence or _sign_evidence(log)
     edges = evidence.edges
     resistance_ohm = float(edges.resistance_ohm) if np.isfinite(edges.resistance_ohm) else None
     resting = _resting(log)
@@ -128,10 +125,6 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
             charge_out_Ah=_charge_Ah(log, -1.0),
         ),
     )
-
-
-def _sign_evidence(log: Log) -> SignEvidence:
-    return sign_evidence(log.time_s, log.current_A, log.voltage_V)
 
 
 def _resting(log: Log) -> np.ndarray:
@@ -188,7 +181,7 @@ def examine(log: LogSource) -> Findings[Survey]:
     33744
     """
     log = as_log(log)
-    evidence = _sign_evidence(log)
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     found = survey(log, evidence)
     hidden = check_hidden_charge(log.time_s, log.current_A, log.voltage_V)
     return _findings(log, found, (*_faults_of_battery(found, evidence), *hidden))

@@ -41,7 +41,7 @@ from ohmward.logs.table import Note, Progress, Table, TableFile, counted, number
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
-from ohmward.signals.current_size import check_wrapped, forgotten_scale, too_small
+from ohmward.signals.current_size import check_wrapped, not_in_amperes
 
 #: Quantities of the battery that have an array of their own; others are among `extra`.
 _COLUMNS = tuple(
@@ -329,18 +329,16 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         time_s, start_unix_s = time_s - time_s[0], start_unix_s + float(time_s[0])
     elif wall_clock is not None:
         start_unix_s = float(wall_clock[0] - time_s[0])
-    voltage_V, spikes = clean.without_spikes(measured["voltage"])
+    voltage_V, spikes = clean.without_spikes(QUANTITIES["battery_voltage_V"], measured["voltage"])
     current_A, silent = clean.without_silent_spikes(measured["current"], voltage_V)
     current_A, dead = clean.without_stuck_current(time_s, current_A, voltage_V)
     warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
-    if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
-        scale, why = forgotten
-        text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "
-        option = ("--unit", f"current={scale.symbol}")
-        warnings += (Note(text + " ".join(option), "warning", option),)
-    elif chosen["current"].unit is None and (why := too_small(current_A, voltage_V)):
-        text = f"column {chosen['current'].name!r} names no unit; {why}: name the unit, as in power_kW"
-        warnings += (Note(text, "warning"),)
+    if chosen["current"].unit is None and (other := not_in_amperes(current_A, voltage_V)):
+        option = ("--unit", f"current={other.scale.symbol}") if other.scale else ()
+        likely = f"if these are {other.scale.name}, say {' '.join(option)}" if other.scale else ""
+        fix = likely or "name the unit, as in power_kW"
+        text = f"column {chosen['current'].name!r} names no unit; {other.reason}: {fix}"
+        warnings += (Note(text, "warning", option),)
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
     current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)

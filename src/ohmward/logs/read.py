@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import re
 import shutil
-import stat
 import sys
 import tempfile
 from collections.abc import Callable, Collection, Mapping
@@ -78,13 +77,7 @@ _STREAM = "standard input"
 
 def is_stream(path: Path) -> bool:
     """True for `-` and for pipes, which can be read only once."""
-    if str(path) == STANDARD_INPUT:
-        return True
-    try:
-        mode = path.stat().st_mode
-    except OSError:
-        return False
-    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+    return str(path) == STANDARD_INPUT or path.is_fifo() or path.is_char_device() or path.is_socket()
 
 
 def stored(path: Path) -> Path:
@@ -276,7 +269,7 @@ def _read_rows(
     time = columns["time"].name
     date = date_column(file, time)
     fraction = fraction_column(file.names, time)
-    own = {column.name for column in columns.values()} | {fraction.name if fraction else time, date or time}
+    own = {column.name for column in columns.values()} | {fraction[0] if fraction else time, date or time}
     extra = file.names if wanted.extra is None else wanted.extra
     if unknown := [name for name in extra if name not in file.names]:
         raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")

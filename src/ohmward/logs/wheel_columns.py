@@ -202,32 +202,36 @@ def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> li
 def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
     """The name as a channel of a wheel, if all its words are known and one of them, or a unit of speed, names it."""
     if signal := _SIGNAL.fullmatch(name):
-        return _of_signal(name, signal["place"], channel) if _SIGNALS[signal["quantity"]] is channel else None
+        if _SIGNALS[signal["quantity"]] is not channel:
+            return None
+        column = Column(name, channel.default)
+        rest, corner, numbers = _place(signal["place"])
+        if rest - channel.beside[0] or len(numbers) > 1:  # a word that is not known: the name of the place alone counts
+            return _OfWheel(column, frozenset(), None, signal["place"])
+        return _OfWheel(column, corner, next(iter(numbers), None), signal["place"])
     naming = frozenset[str]().union(*channel.words)
     counts = channel is WHEEL_COUNTS
     angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension in ("angle", "length")]
     for stem, unit in [*angles, (name, channel.default)] if counts else split_unit(name):
         if unit and (unit.dimension not in channel.dimensions or (unit.dimension in POSITIONS and not counts)):
             continue
-        words = robot_words(stem)
-        corner = CORNERS & set(words)
-        numbers = [int(word) for word in words if word.isdecimal()]
-        rest = {word for word in words if word not in corner and not word.isdecimal()}
+        rest, corner, numbers = _place(stem)
         named = bool(rest & naming) or (channel is WHEEL_SPEED and unit is not None)
         known = rest <= naming | channel.beside[0] and len(numbers) <= 1
         if named and known and (corner or numbers):
-            return _OfWheel(Column(name, unit), corner, numbers[0] if numbers else None)
+            return _OfWheel(Column(name, unit), corner, next(iter(numbers), None))
     return None
 
 
-def _of_signal(name: str, place: str, channel: Channel) -> _OfWheel:
-    """The column of a signal; its corner or number only if all words of the place are known."""
-    words = robot_words(place)
+def _place(text: str) -> tuple[set[str], frozenset[str], list[int]]:
+    """The words of a text, without those of a corner and without numbers; the corner; the numbers."""
+    words = robot_words(text)
     corner = CORNERS & set(words)
-    numbers = [int(word) for word in words if word.isdecimal()]
-    if {word for word in words if not word.isdecimal()} - corner - channel.beside[0] or len(numbers) > 1:
-        return _OfWheel(Column(name, channel.default), frozenset(), None, place)
-    return _OfWheel(Column(name, channel.default), corner, numbers[0] if numbers else None, place)
+    return (
+        {word for word in words if word not in corner and not word.isdecimal()},
+        corner,
+        [int(word) for word in words if word.isdecimal()],
+    )
 
 
 def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Column:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -180,42 +181,33 @@ def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     return count if coherence[best] >= _COHERENT and count >= _FEWEST_WRAPPED else 0
 
 
-def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale, str] | None:
-    """The unit of a current that in amperes gives a resistance too small by a thousand or a million, and why; or None.
+class NoAmperes(NamedTuple):
+    """A current that cannot be in amperes: the reason, a clause, and the likely unit, None where it would be larger."""
 
-    current_A, voltage_V: (T,), nan where not known.
-    """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    largest_A = float(np.abs(current_A[known]).max(initial=0.0))
-    edges = edge_test(current_A[known], voltage_V[known])
-    if largest_A < _DOUBTFUL_FROM_A or edges.t_value == 0.0:
-        return None
-    least_ohm = LEAST_CELL_OHM * _fewest_cells(voltage_V[known])
-    most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
-    if most_ohm > least_ohm:
-        return None
-    factor = 1e-3 if 1e3 * most_ohm > least_ohm else 1e-6
-    ohm = abs(edges.resistance_ohm)
-    text = f"as amperes it goes to {largest_A:.3g} A at dV/dI = {1e3 * ohm:.2g} mohm, less than cells have"
-    return next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor), text
+    reason: str
+    scale: Scale | None
 
 
-def too_small(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
-    """Why a current must be larger, as of a power in kilowatts read in watts: its resistance is too large; else "".
+def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | None:
+    """What a current cannot be whose resistance in amperes is less than cells have, or more; None for any other.
+
+    It is more for the power of a column in kilowatts that is read in watts.
 
     current_A, voltage_V: (T,), nan where not known.
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     edges = edge_test(current_A[known], voltage_V[known])
-    if not edges.sign:
-        return ""
-    least_ohm = abs(edges.resistance_ohm) * (1.0 - _CERTAIN / abs(edges.t_value))
-    if least_ohm < _MOST_CELL_OHM * _fewest_cells(voltage_V[known]):
-        return ""
-    largest_A, ohm = np.abs(current_A[known]).max(), abs(edges.resistance_ohm)
-    return f"as amperes it goes to {largest_A:.3g} A at dV/dI = {ohm:.2g} ohm, more than cells have"
-
-
-def _fewest_cells(voltage_V: np.ndarray) -> float:
-    """Least number of cells in series, not rounded, of a battery with voltages (T,)."""
-    return max(float(np.median(voltage_V)) / HIGHEST_CELL_V, 1.0)
+    if edges.t_value == 0.0:
+        return None
+    largest_A, ohm = float(np.abs(current_A[known]).max()), abs(edges.resistance_ohm)
+    error_ohm = ohm * _CERTAIN / abs(edges.t_value)
+    fewest_cells = max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
+    least_ohm = LEAST_CELL_OHM * fewest_cells
+    seen = f"as amperes it goes to {largest_A:.3g} A at dV/dI ="
+    if largest_A >= _DOUBTFUL_FROM_A and ohm + error_ohm <= least_ohm:
+        factor = 1e-3 if 1e3 * (ohm + error_ohm) > least_ohm else 1e-6
+        scale = next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor)
+        return NoAmperes(f"{seen} {1e3 * ohm:.2g} mohm, less than cells have", scale)
+    if edges.sign and ohm - error_ohm >= _MOST_CELL_OHM * fewest_cells:
+        return NoAmperes(f"{seen} {ohm:.2g} ohm, more than cells have", None)
+    return None

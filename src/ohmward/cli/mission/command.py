@@ -163,7 +163,7 @@ class MissionReader(NamedTuple):
         rows = dict(battery.where) | split_selection(self.text)[1]
         date = date_column(file, time.name)
         fraction = fraction_column(file.names, time.name)
-        wanted = {time.name, TERRAIN_COLUMN, *rows, date or "", fraction.name if fraction else ""}
+        wanted = {time.name, TERRAIN_COLUMN, *rows, date or "", fraction[0] if fraction else ""}
         table = select_rows(file.load(wanted & set(file.names)), rows)
         clock = read_clock(table, time, file.hints, date)
         time_s = clock.time_s if clock.start_unix_s is None else clock.time_s - np.nanmin(clock.time_s)
