@@ -55,13 +55,9 @@ def on_dask(
             elif not failed_together:
                 suspects += paths
         for path in suspects:
-            yield _alone(client, job, path, address)
-
-
-def _alone(client: Client, job: Job, path: str, address: str) -> list[dict[str, Any]]:
-    """Row of a log that has the cluster to itself; if it fails, with the reason."""
-    rows = _rows(client, _submit(client, job, [path]), address)
-    return [failed(path, f"{path}: {type(rows).__name__}: {rows}")] if isinstance(rows, BaseException) else rows
+            rows = _rows(client, _submit(client, job, [path]), address)
+            reason = f"{path}: {type(rows).__name__}: {rows}"
+            yield [failed(path, reason)] if isinstance(rows, BaseException) else rows
 
 
 def _rows(client: Client, future: Future, address: str) -> list[dict[str, Any]] | BaseException:

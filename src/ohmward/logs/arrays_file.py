@@ -78,12 +78,9 @@ def open_feather(path: Path, hints: FileHints) -> TableFile:
 def open_arrays(
     source: str, arrays: Mapping[str, Any], hints: FileHints, advice: str = "", notes: tuple[Note, ...] = ()
 ) -> TableFile:
-    """The table of the largest group of arrays of equal length.
+    """The table of the largest group of arrays of equal length; InputError where no two have one above 1.
 
     arrays: name -> values of any shape; a name with points is shortened to its last part where that is unique.
-
-    Raises:
-        InputError: no two arrays have an equal length above 1.
     """
     lengths: dict[int, dict[str, np.ndarray]] = defaultdict(dict)
     for name, values in arrays.items():
@@ -102,18 +99,8 @@ def open_arrays(
 
 #: Types of the elements of a MATLAB file, and of the numbers of its classes (MAT-File Format, tables 1-1 and 1-3).
 _TYPES = {
-    1: "i1",
-    2: "u1",
-    3: "i2",
-    4: "u2",
-    5: "i4",
-    6: "u4",
-    7: "f4",
-    9: "f8",
-    12: "i8",
-    13: "u8",
-    16: "u1",
-    17: "u2",
+    **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"},
+    **{12: "i8", 13: "u8", 16: "u1", 17: "u2"},
 }
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _MATRIX, _PACKED = 14, 15

@@ -394,9 +394,6 @@ def serial_numbers(
     """Column and value of each serial number in a file, in order of appearance; () for a file without any.
 
     where: column -> value of the rows wanted; if it gives a serial number, that is the only one.
-
-    Raises:
-        InputError: the file cannot be read.
     """
     file = open_table(source)
     column = serial_column(file.names)

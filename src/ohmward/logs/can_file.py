@@ -10,14 +10,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import open_text
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Note, Opener, Stream, Streams, TableFile, counted, parsing
+from ohmward.logs.table import HEAD_BYTES, Note, Opener, Stream, Streams, TableFile, counted, parsing
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 
@@ -31,19 +31,9 @@ _TEXTS = (
 )
 #: The reader of python-can for the one binary format.
 _BLF, _BLF_MAGIC = "BLFReader", b"LOGG"
-_HEAD_BYTES = 4096
 _FRAME_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
 _GROUP_BYTES, _GROUP_TIMES = 16 << 20, 1000
-
-
-class CanFrames(NamedTuple):
-    """The frames of one identifier."""
-
-    identifier: int
-    is_extended: bool
-    time_s: np.ndarray  #: (n,)
-    payloads: list[bytes]  #: (n,)
 
 
 def can_reader(head: bytes) -> str | None:
@@ -61,7 +51,7 @@ def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
     database = load_can_database(hints.dbc)
     notes: list[Note] = []
     received = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
-    return _open_frames(path.name, _by_identifier(path, received), hints.dbc, database, notes)._replace(hints=hints)
+    return _open_frames(path.name, received, hints, database, notes)
 
 
 def open_mdf(path: Path, hints: FileHints) -> TableFile:
@@ -165,12 +155,7 @@ def _groups(file: Any) -> dict[str, Stream]:
 
 
 def load_can_database(path: str) -> Any:
-    """The database of a bus: DBC, KCD, SYM or ARXML.
-
-    Raises:
-        InputError: it cannot be read.
-        MissingPackageError: cantools is not installed.
-    """
+    """The database of a bus: DBC, KCD, SYM or ARXML; InputError where it cannot be read."""
     cantools = require("cantools", "decoding CAN")
     try:
         return cantools.database.load_file(path)
@@ -181,27 +166,36 @@ def load_can_database(path: str) -> Any:
         raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
 
 
-def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note]) -> TableFile:
+def _open_frames(
+    source: str, received: Iterable[_Received], hints: FileHints, database: Any, notes: list[Note]
+) -> TableFile:
     """The signals of frames by a database, a stream for each message; refused if it knows none of the frames.
 
     A signal whose name occurs in several messages is called `MESSAGE.SIGNAL`.
     """
+    times: dict[tuple[int, bool], list[float]] = defaultdict(list)
+    payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
+    for key, time_s, payload in received:
+        times[key].append(time_s)
+        payloads[key].append(payload)
+    if not payloads:
+        raise InputError(f"{source}: the recording holds no frame; record it again")
     decoded: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     unknown, broken = 0, 0
-    for of_one in frames:
+    for identifier, is_extended in payloads:
         try:
-            message = database.get_message_by_frame_id(of_one.identifier, force_extended_id=of_one.is_extended)
+            message = database.get_message_by_frame_id(identifier, force_extended_id=is_extended)
         except KeyError:
             unknown += 1
             continue
-        whole, columns = _decoded(message, of_one)
+        whole, columns = _decoded(message, payloads[identifier, is_extended])
         broken += int(np.count_nonzero(~whole))
         if whole.any():
-            decoded[message.name] = of_one.time_s[whole], columns
+            decoded[message.name] = np.array(times[identifier, is_extended])[whole], columns
     if not decoded:
         raise InputError(
-            f"{source}: {dbc} knows none of its frames; name the database of this bus with --dbc, or check whether "
-            f"identifiers are of 11 or 29 bits ({counted(unknown, 'identifier')}, {broken} frames not decoded)"
+            f"{source}: {hints.dbc} knows none of its frames; name the database of this bus with --dbc, or check "
+            f"whether identifiers are of 11 or 29 bits ({counted(unknown, 'identifier')}, {broken} frames not decoded)"
         )
     all_names = [name for _, columns in decoded.values() for name in columns]
     streams = {
@@ -213,19 +207,20 @@ def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: A
         for message, (time_s, columns) in decoded.items()
     }
     left_out = [Note(f"{counted(broken, 'frame')} could not be decoded: left out", "warning")] if broken else []
-    left_out += [Note(f"{counted(unknown, 'identifier')} not in {dbc}: left out")] if unknown else []
-    return Streams(source, streams, f"messages of CAN by {dbc}", notes=(*notes, *left_out)).open()
+    left_out += [Note(f"{counted(unknown, 'identifier')} not in {hints.dbc}: left out")] if unknown else []
+    what = f"messages of CAN by {hints.dbc}"
+    return Streams(source, streams, what, notes=(*notes, *left_out), hints=hints).open()
 
 
-def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Mask (n,) of the frames that could be decoded, and their numeric signals, by name and unit."""
+def _decoded(message: Any, payloads: list[bytes]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Mask (n,) of the payloads that could be decoded, and their numeric signals, by name and unit."""
     units = {signal.name: signal.unit for signal in message.signals}
     known: dict[bytes, Mapping[str, Any]] = {}
-    for payload in dict.fromkeys(frames.payloads):
+    for payload in dict.fromkeys(payloads):
         with suppress(Exception):  # too short, or an unknown multiplexer
             known[payload] = message.decode(payload, decode_choices=False)
-    whole = np.array([payload in known for payload in frames.payloads])
-    good = [known[payload] for payload in frames.payloads if payload in known]
+    whole = np.array([payload in known for payload in payloads])
+    good = [known[payload] for payload in payloads if payload in known]
     names = dict.fromkeys(name for row in good for name in row)
     columns = {}
     for name in names:
@@ -247,23 +242,11 @@ def received_frames(path: Path) -> Iterator[_Received]:
         InputError: it is none of these, or cannot be read.
     """
     with path.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES)
+        head = stream.read(HEAD_BYTES)
     reader = _BLF if head.startswith(_BLF_MAGIC) else can_reader(head)
     if reader is None:
         raise InputError(f"{path.name}: no readable recording of CAN; record it with candump -l")
     yield from _of_python_can(path, reader, []) if reader else _of_savvycan(path, None, [])
-
-
-def _by_identifier(path: Path, received: Iterable[_Received]) -> list[CanFrames]:
-    """The frames of each identifier, in order; InputError where there is none."""
-    times: dict[tuple[int, bool], list[float]] = defaultdict(list)
-    payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
-    for key, time_s, payload in received:
-        times[key].append(time_s)
-        payloads[key].append(payload)
-    if not payloads:
-        raise InputError(f"{path.name}: the recording holds no frame; record it again")
-    return [CanFrames(*key, np.array(times[key]), payloads[key]) for key in payloads]
 
 
 def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Received]:

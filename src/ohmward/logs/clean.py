@@ -237,11 +237,7 @@ def without_rows(
 
 
 def drop_untimed(table: Table, time: str) -> Table:
-    """The rows whose time is finite.
-
-    Raises:
-        InputError: no row has a time.
-    """
+    """The rows whose time is finite; InputError where there is none."""
     known = np.isfinite(table.columns[time])
     if not known.any():
         raise InputError(f"{table.source}: column {time!r} has no value; a log needs the time of its samples")
@@ -394,13 +390,10 @@ _UNITS = ("ms", "us", "ns", "min", "h", "d")
 def require_plausible(
     source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool
 ) -> tuple[Note, ...]:
-    """Refuse an impossible log; warn if seconds are a guess and the interval is more typical of milliseconds.
+    """Refuse an impossible duration, interval or charge; warn if seconds are a guess and milliseconds are likelier.
 
     time: its column.  time_s: (T,) [s], increasing.  current_A: (T,) [A], nan where it is not known.
     guessed: the unit of the time is a guess.
-
-    Raises:
-        InputError: names the duration, the interval or the charge, and the options that correct it.
     """
     if time_s.size < 2:
         return ()
@@ -426,12 +419,9 @@ def require_plausible(
 
 
 def require_voltage(table: Table, voltage: Column, current: Column) -> None:
-    """Refuse a voltage that is usually more than that of any battery.
+    """Refuse a voltage that is usually more than that of any battery, with the options that give its unit.
 
     table: with the columns of voltage [V] and current [A].
-
-    Raises:
-        InputError: names the voltage, and the options that say its unit and, if that is as unlikely, the current's.
     """
     voltage_V = table.columns[voltage.name]
     known = np.abs(voltage_V[np.isfinite(voltage_V)])
@@ -452,11 +442,7 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
 
 
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
-    """Refuse a drive with an implausible sampling interval if the unit of the time is a guess; see `require_plausible`.
-
-    Raises:
-        InputError: names the interval and the options that correct it.
-    """
+    """Refuse a drive with an implausible interval if the unit of its time is a guess; see `require_plausible`."""
     interval = usual_interval_s(time_s) if guessed and time_s.size > 1 else SLOWEST_DRIVE_S
     if not SHORTEST_DRIVE_S <= interval <= SLOWEST_DRIVE_S:
         raise InputError(

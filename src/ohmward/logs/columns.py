@@ -30,21 +30,7 @@ _OTHER_WORDS = word_set(
     "model step open circuit ocv delta offset bias nanosec nsecs nsec low high lowest highest"
 )
 # Words of clocks that may be set while a log runs.
-_WALL_CLOCK = (
-    "stamp",
-    "date",
-    "unix",
-    "epoch",
-    "dpt",
-    "realtime",
-    "datum",
-    "fecha",
-    "changed",
-    "stempel",
-    "horodatage",
-    "绝对时间",
-    "日期",
-)
+_WALL_CLOCK = word_set("stamp date unix epoch dpt realtime datum fecha changed stempel horodatage 绝对时间 日期")
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute 总时间 测试时间 累计时间 绝对时间")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
@@ -167,11 +153,10 @@ def has_log(names: Sequence[str]) -> bool:
     return True
 
 
-def other_times(names: Sequence[str], chosen: str) -> list[Column]:
-    """The columns other than the chosen one that may be the time, the best first."""
-    ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]
-    fits = [column for rank, _, column in sorted(ranked, key=lambda one: one[:2]) if rank < _NEVER]
-    return [column for column in fits if column.name != chosen]
+def other_times(names: Sequence[str], chosen: Collection[str]) -> list[Column]:
+    """The columns other than the chosen ones that may be the time, the best first."""
+    ranked = [(rank, column) for name in names if name not in chosen for rank, column in _ranks(TIME, name)]
+    return [column for rank, column in sorted(ranked, key=lambda one: one[0]) if rank < _NEVER]
 
 
 def find_column(
@@ -227,11 +212,7 @@ def named_column(source: str, names: Sequence[str], quantity: str, wanted: str, 
 
 
 def given_unit(quantity: str, spelling: str) -> Unit:
-    """The unit with this spelling.
-
-    Raises:
-        InputError: there is none, or it is of another dimension.
-    """
+    """The unit with this spelling; InputError where there is none, or it is of another dimension."""
     unit = unit_of(str(spelling))
     channel = channel_of(quantity)
     if unit is None or unit.dimension not in channel.dimensions:
@@ -240,21 +221,17 @@ def given_unit(quantity: str, spelling: str) -> Unit:
 
 
 def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Column]) -> Column:
-    """The first column that fits.
-
-    Raises:
-        UnclearColumnsError: another one fits as well.
-    """
+    """The first column that fits; UnclearColumnsError where another one fits as well."""
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
         fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
-        if quantity != CURRENT.name:
-            raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
-        fault += (
-            " (if one charges and the other discharges, call them charge_current and discharge_current; those of "
-            "parallel strings add up: write their sum)"
-        )
-        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: None})
+        is_current = quantity == CURRENT.name
+        if is_current:
+            fault += (
+                " (if one charges and the other discharges, call them charge_current and discharge_current; those of "
+                "parallel strings add up: write their sum)"
+            )
+        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: None if is_current else first})
     return fits[0]
 
 
@@ -403,11 +380,7 @@ def has_bdf_columns(names: Sequence[str]) -> bool:
 
 
 def require_bdf_columns(file: str, names: Sequence[str]) -> None:
-    """Refuse a file that calls itself BDF and lacks a required column.
-
-    Raises:
-        InputError: names the columns that are missing.
-    """
+    """Refuse a file that calls itself BDF and lacks required columns, which the error names."""
     known = set(map(_quantity, names))
     lacking = [BDF_NAMES[field][0] for field in _REQUIRED_OF_BDF if known.isdisjoint(map(_quantity, BDF_NAMES[field]))]
     if is_bdf(file) and lacking:

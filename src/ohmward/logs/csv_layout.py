@@ -39,17 +39,7 @@ _MARKS = (
 )
 #: Encodings other than UTF-8. Western Europe first: it wins if no word decides.
 CODE_PAGES = (
-    "cp1252",
-    "cp1251",
-    "cp932",
-    "gb18030",
-    "big5",
-    "cp949",
-    "cp1250",
-    "mac_roman",
-    "koi8_r",
-    "cp866",
-    "cp850",
+    *("cp1252", "cp1251", "cp932", "gb18030", "big5", "cp949", "cp1250", "mac_roman", "koi8_r", "cp866", "cp850"),
 )
 
 _WORDS = frozenset(word for channel in BATTERY for words in channel.words for word in words if not word.isascii())
@@ -218,11 +208,7 @@ class _LimitedGzip(gzip.GzipFile):
 
 
 def open_text(path: Path, encoding: str | None = None) -> TextIO:
-    """The file as text, plain or gzip, in an encoding, or in the one found from its first bytes.
-
-    Raises:
-        InputError: the file is not text.
-    """
+    """The file as text, plain or gzip, in an encoding, or in the one found; InputError where it is not text."""
     with path.open("rb") as stream:
         opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
     if encoding is None:
@@ -258,7 +244,8 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
         lines = _head(path, stream)
     separator = _SEPARATOR_LINE.match(lines[0].strip()) if lines else None
     first, mark = (1, separator["mark"]) if separator else (0, "")
-    numbered = [k for k in range(first, len(lines)) if _may_be_row(lines[k])]
+    rows = (k for k in range(first, len(lines)) if lines[k].strip() and not lines[k].startswith(_COMMENT))
+    numbered = [k for k in rows if _RULE.fullmatch(lines[k]) is None]
     if not numbered:
         raise InputError(f"{path.name}: the file is empty; a log needs a header line and rows below it")
     text = [lines[k] for k in numbered]
@@ -280,10 +267,6 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     return _with_notation(path, layout, data)._replace(
         timezone=header.timezone, interval_s=None if interval is None else float(interval.replace(",", "."))
     )
-
-
-def _may_be_row(line: str) -> bool:
-    return bool(line.strip()) and not line.startswith(_COMMENT) and _RULE.fullmatch(line) is None
 
 
 def _head(path: Path, stream: TextIO) -> list[str]:

@@ -94,11 +94,7 @@ def from_compact(values: np.ndarray) -> np.ndarray | None:
 
 
 def duration_s(cell: str) -> float:
-    """Seconds of a duration h:mm:ss, perhaps with days before it, or in ISO 8601.
-
-    Raises:
-        ValueError: another notation.
-    """
+    """Seconds of a duration h:mm:ss, perhaps with days before it, or in ISO 8601; ValueError for another notation."""
     if found := _DURATION.match(cell):
         d, h, m, s = found.group("d", "h", "m", "s")
         return DAY_S * int(d or 0) + 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", "."))
@@ -331,12 +327,9 @@ def to_utc(local_s: np.ndarray, timezone: str) -> np.ndarray:
 
 
 def require_no_change(source: str, column: str, local_s: np.ndarray) -> None:
-    """Refuse dates without a zone that cross the hour at which clocks are put forward or back.
+    """Refuse dates without a zone that skip or repeat an hour where the clocks of some zone are changed.
 
     local_s: (T,) [s] as written.
-
-    Raises:
-        InputError: the log has a gap of an hour, or goes back by one, where the clocks of some zone are changed.
     """
     known = local_s[np.isfinite(local_s)]
     for before, after in _hours(known):

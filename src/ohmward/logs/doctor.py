@@ -95,11 +95,7 @@ def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
 
 
 def survey(log: Log, evidence: SignEvidence) -> Survey:
-    """Statistics of a log, with the evidence of the sign of its current.
-
-    Raises:
-        InputError: the log has no current or no voltage at all.
-    """
+    """Statistics of a log, with the evidence of the sign of its current; InputError without any current or voltage."""
     for name, values in (("current_A", log.current_A), ("voltage_V", log.voltage_V)):
         if np.isnan(values).all():
             raise InputError(f"log {log.name!r}: {name} has no value; a log needs both current and voltage")

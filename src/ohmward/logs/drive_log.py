@@ -182,11 +182,7 @@ def read_drive(
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:
-    """The drive itself, or the one that `read_drive` reads from a path or DataFrame without further options.
-
-    Raises:
-        InputError: none of these, or anything that `read_drive` refuses.
-    """
+    """The drive itself, or the one that `read_drive` reads from a path or DataFrame without further options."""
     return source if isinstance(source, DriveLog) else read_drive(source, robot)
 
 

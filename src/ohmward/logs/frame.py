@@ -213,11 +213,7 @@ def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray],
 
 
 def to_frame(columns: Mapping[str, np.ndarray], name: str) -> Any:
-    """A DataFrame of columns (T,), indexed by the one called `time_s`; `name` is stored in its `attrs`.
-
-    Raises:
-        OhmwardError: pandas is not installed.
-    """
+    """A DataFrame of columns (T,), indexed by the one called `time_s`; `name` is stored in its `attrs`."""
     pandas = require("pandas", "a DataFrame")
     frame = pandas.DataFrame(dict(columns)).set_index("time_s")
     frame.attrs["name"] = name
@@ -278,9 +274,6 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progr
     """Write columns (T,) as Parquet with zstd; NaN stays NaN.
 
     progress: called now and then with the rows written and the total.
-
-    Raises:
-        OhmwardError: pyarrow is not installed.
     """
     pyarrow, parquet = _pyarrow()
     # a dictionary of measured numbers is as large as the numbers, and slow to write and to read

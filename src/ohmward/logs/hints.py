@@ -53,11 +53,7 @@ class FileHints(NamedTuple):
 
 
 def zone_of(name: str) -> ZoneInfo:
-    """The time zone of a name.
-
-    Raises:
-        InputError: there is no such zone.
-    """
+    """The time zone of a name; InputError where there is no such zone."""
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):

@@ -271,14 +271,11 @@ class ReadOptions:
         progress: Progress | None = None,
         file: TableFile | None = None,
     ) -> Log:
-        """Read the log of this name.
+        """Read the log of this name, with the errors of `read_log`.
 
         text: a file, or a file and a selection of rows, `ocv.parquet:script=1,temp_C=25`, kept in the log's name.
         extra, progress: as in `read_log`.
         file: the same file if it is already open.
-
-        Raises:
-            InputError, OhmwardError: as in `read_log`.
         """
         path, where = split_selection(text)
         log = read_log(
@@ -296,11 +293,7 @@ class ReadOptions:
 
 
 def as_log(source: LogSource) -> Log:
-    """The log itself, or the one that `read_log` reads from a path or DataFrame without further options.
-
-    Raises:
-        InputError: none of these, or anything that `read_log` refuses.
-    """
+    """The log itself, or the one that `read_log` reads from a path or DataFrame without further options."""
     return source if isinstance(source, Log) else read_log(source)
 
 

@@ -14,14 +14,13 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Table, TableFile, file_of, row_numbers
+from ohmward.logs.table import HEAD_BYTES, Table, TableFile, file_of, row_numbers
 
 #: Beginning of a file of JSON.
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
 #: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
 _ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
 _ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
-_HEAD_BYTES = 4096
 #: `battery,robot=r1 voltage=13.2,current=-1.5 1700000000000000000`; a mark after a backslash does not separate.
 _NAME = r"(?:[^,=\s\\]|\\.)+"
 _VALUE = r'(?:"(?:[^"\\]|\\.)*"|[^\s,]+)'
@@ -72,7 +71,7 @@ def open_objects(path: Path, hints: FileHints) -> TableFile:
     Nested names are joined by points.
     """
     text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
-    head = text[:_HEAD_BYTES].encode()
+    head = text[:HEAD_BYTES].encode()
     if _ECHO.match(head):
         content = _echoed(text)
     elif is_labelled(head):
@@ -156,11 +155,9 @@ def _echoed(text: str) -> list[dict[str, str]]:
 
 def _alike(values: list[Any]) -> list[Any]:
     """The values as numbers, with None for missing ones; all of them as text if any is not a number."""
-    if not any(isinstance(value, str) for value in values):
-        return [float(value) if isinstance(value, bool | int | float) else None for value in values]
     try:
         return [None if value is None else float(value) for value in values]
-    except (TypeError, ValueError):
+    except ValueError:
         return ["" if value is None else str(value) for value in values]
 
 

@@ -8,6 +8,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -31,11 +32,21 @@ from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.selection import RECORDING, SeveralRecordingsError
 from ohmward.logs.sqlite_file import MAGIC as SQLITE_MAGIC
 from ohmward.logs.sqlite_file import open_sqlite_table
-from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
+from ohmward.logs.table import (
+    HEAD_BYTES,
+    LOG_ENDINGS,
+    Note,
+    Opener,
+    Progress,
+    Table,
+    TableFile,
+    counted,
+    in_order,
+    row_numbers,
+)
 from ohmward.logs.vehicle_file import is_telemetry, open_telemetry
 from ohmward.logs.workbook_file import open_workbook
 
-_UNPACK = "a packed file; unpack it first"
 _TO_SAVVYCAN = "; open it in SavvyCAN, save it as CSV of SavvyCAN (GVRET), and give that with --dbc"
 
 #: First bytes of formats that are not read, what they are, and what to do instead.
@@ -65,7 +76,7 @@ _KNOWN = tuple(
         ),
         (rb"\x80[\x02-\x05]", "a pickle of Python; load it where it was written, and give the DataFrame or a CSV file"),
         (rb"%PDF-", "a PDF document; export the numbers as CSV"),
-        (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", _UNPACK),
+        (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", "a packed file; unpack it first"),
     )
 )
 
@@ -81,11 +92,7 @@ def is_stream(path: Path) -> bool:
 
 
 def stored(path: Path) -> Path:
-    """Copy a stream to a temporary file, which is deleted when the process ends.
-
-    Raises:
-        InputError: the stream is empty.
-    """
+    """Copy a stream to a temporary file, deleted when the process ends; InputError where it is empty."""
     folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = folder / _STREAM
@@ -222,8 +229,6 @@ OPENERS: dict[bytes, Opener] = {
     b"PK\x03\x04": _open_zip,
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": open_workbook,  # .xls
 }
-#: Enough to find the HDF5 signature after a user block, and the beginning of JSON.
-HEAD_BYTES = 4096
 
 
 def read_recording(
@@ -246,13 +251,10 @@ def read_recording(
         if not error.are_steps:
             raise
     own = {column.name for column in columns.values()}
-    times = [] if wanted.time_given else other_times(file.names, columns["time"].name)
+    times = [] if wanted.time_given else other_times(file.names, own)
     for time in times:
-        try:
-            rows = _read_rows(file, {**columns, "time": time}, wanted, to_numbers) if time.name not in own else None
-        except InputError:
-            continue
-        if rows:
+        with suppress(InputError):
+            rows = _read_rows(file, {**columns, "time": time}, wanted, to_numbers)
             note = Note(f"time from {time.name!r}: that in {columns['time'].name!r} starts again with each step")
             return rows._replace(table=rows.table.with_notes(note))
     return _read_rows(file, columns, wanted, to_numbers, joined=True)

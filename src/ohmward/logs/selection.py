@@ -335,11 +335,7 @@ def join_steps(table: Table, time: str) -> Table:
 
 
 def require_one_instance(table: Table, time: str, channels: Collection[str]) -> None:
-    """Refuse interleaved rows of several batteries or robots.
-
-    Raises:
-        InputError: names the column that tells them apart, and its values.
-    """
+    """Refuse interleaved rows of several batteries or robots, with the column that tells them apart, and its values."""
     if name := find_instances(table, time, channels):
         values = distinct(table.columns[name])
         options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)

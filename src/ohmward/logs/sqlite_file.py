@@ -25,11 +25,7 @@ _CUT = "the file is damaged or cut off, as by a loss of power: everything before
 
 
 def open_sqlite(path: Path) -> Recording:
-    """The messages of a file of rosbag2.
-
-    Raises:
-        InputError: it is not a database of rosbag2.
-    """
+    """The messages of a file of rosbag2; InputError for any other database."""
     with closing(connect(path)) as database:
         topics = _topics(path, database)
 

@@ -48,6 +48,8 @@ LOG_ENDINGS = (
     *(".jsonl", ".ndjson", ".json", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
 )
 RECORDING_ENDINGS = (".mcap", ".db3", ".bag")
+#: First bytes by which a format is recognised: enough for HDF5 after a user block, and the beginning of JSON.
+HEAD_BYTES = 4096
 
 
 class Table(NamedTuple):
@@ -203,11 +205,7 @@ def row_numbers(first: int, count: int) -> np.ndarray:
 
 
 def number(cell: str) -> float:
-    """The number in a cell, NaN for a cell that means a missing one.
-
-    Raises:
-        ValueError: the cell is text.
-    """
+    """The number in a cell, NaN for a cell that means a missing one; ValueError for any other text."""
     return math.nan if cell.strip().lower() in MISSING else float(cell)
 
 
@@ -227,11 +225,7 @@ def held(values: np.ndarray) -> np.ndarray:
 
 
 def numbers(table: Table, name: str) -> np.ndarray:
-    """The column (T,) as float64, durations in seconds.
-
-    Raises:
-        InputError: a cell is text; names its line.
-    """
+    """The column (T,) as float64, durations in seconds; InputError for a text, with its line."""
     values = table.columns[name]
     if values.dtype.kind in "fiu":
         return values.astype(float, copy=False)
@@ -352,12 +346,9 @@ def _with_any(streams: Mapping[str, Stream], wanted: Collection[str]) -> Mapping
 def rows_of(
     source: str, time: str, streams: Mapping[str, Stream], wanted: Collection[str], notes: tuple[Note, ...]
 ) -> Table:
-    """The columns of some streams, a row for each message, in order of time if there are several streams.
+    """The columns of some streams, a row for each message, in order of time; InputError where there are no messages.
 
     time: name of the time column.
-
-    Raises:
-        InputError: there are no messages.
     """
     chosen = _with_any(streams, wanted)
     times = [stream.time_s for stream in chosen.values() if stream.time_s.size]

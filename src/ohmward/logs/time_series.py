@@ -69,11 +69,7 @@ class TimeSeries(RichDisplay):
         return replace(log, **arrays, extra={name: values[rows] for name, values in self.extra.items()})
 
     def between(self, start_s: float, stop_s: float) -> Self:
-        """The samples with start_s <= time_s < stop_s; the clock keeps its zero.
-
-        Raises:
-            InputError: there is none.
-        """
+        """The samples with start_s <= time_s < stop_s; the clock keeps its zero; InputError where there is none."""
         first, last = np.searchsorted(self.time_s, [start_s, stop_s])
         if first == last:
             raise InputError(

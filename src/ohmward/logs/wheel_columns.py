@@ -158,9 +158,6 @@ def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Whe
     """The columns of one channel of the wheels, found by corner, or if there are none, by number.
 
     given: channels not to look for.
-
-    Raises:
-        UnclearColumnsError: two columns fit a wheel equally well.
     """
     wanted = {place: quantity for place, quantity in wheels.of(channel).items() if quantity not in given}
     candidates = [found for name in names if (found := _of_wheel(name, channel))]
@@ -263,11 +260,7 @@ WIDTHS = (8, 16, 32)
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The transmission from the measured shaft to the rim of the wheel.
-
-    Raises:
-        InputError: one of the numbers is not > 0.
-    """
+    """The transmission from the measured shaft to the rim of the wheel; its numbers must be > 0."""
 
     radius_m: float | None = None  #: of the wheels, for speeds in m/s
     gear_ratio: float = 1.0  #: turns of the motor for one of the wheel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 import zipfile
@@ -66,9 +67,10 @@ def _require_size(path: Path) -> None:
                 with book.open(part) as stream:
                     cells += _cells_of_part(part.filename, stream)
     else:
-        stream_of_sheets = _stream_of_sheets(path)
-        unpacked = len(stream_of_sheets)
-        cells = _cells_of_biff(stream_of_sheets)
+        with require("olefile", "an .xls workbook").OleFileIO(path) as ole:
+            sheets = ole.openstream("Workbook" if ole.exists("Workbook") else "Book").read()
+        unpacked = len(sheets)
+        cells = _cells_of_biff(sheets)
     most = min(MOST_CELLS, max(_FEW_CELLS, unpacked))
     if cells > most:
         raise InputError(
@@ -82,21 +84,19 @@ class _Extent:
 
     def __init__(self) -> None:
         self.first_row = self.row = self.column = 0
-        self.rows: tuple[int, int] | None = None
-        self.columns: tuple[int, int] | None = None
+        self.rows: tuple[float, float] = (math.inf, -1)
+        self.columns: tuple[float, float] = (math.inf, -1)
 
     @property
     def cells(self) -> int:
         """The cells between them."""
-        if self.rows is None or self.columns is None:
-            return 0
-        return (self.rows[1] - self.rows[0] + 1) * (self.columns[1] - self.columns[0] + 1)
+        rows, columns = (max(last - first + 1, 0) for first, last in (self.rows, self.columns))
+        return int(rows * columns)
 
     def include(self, first_row: int, last_row: int, first_column: int, last_column: int) -> None:
         """Widen the extent by filled cells."""
-        rows, columns = self.rows or (first_row, last_row), self.columns or (first_column, last_column)
-        self.rows = min(rows[0], first_row), max(rows[1], last_row)
-        self.columns = min(columns[0], first_column), max(columns[1], last_column)
+        self.rows = min(self.rows[0], first_row), max(self.rows[1], last_row)
+        self.columns = min(self.columns[0], first_column), max(self.columns[1], last_column)
 
 
 def _cells_of_part(name: str, stream: IO[bytes]) -> int:
@@ -199,13 +199,6 @@ def _packed_number(stream: IO[bytes], most: int) -> int | None:
         if byte[0] < 0x80:
             break
     return number
-
-
-def _stream_of_sheets(path: Path) -> bytes:
-    """The stream with the sheets of an .xls."""
-    with require("olefile", "an .xls workbook").OleFileIO(path) as book:
-        stream: bytes = book.openstream("Workbook" if book.exists("Workbook") else "Book").read()
-        return stream
 
 
 #: Records of BIFF that hold a cell, that hold several (the last column at their end), and that begin a sheet.

@@ -46,9 +46,6 @@ def write_mcap(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
     """Write the numeric columns (T,) as ROS 2 messages; text columns are left out.
 
     The time of a message is `unix_time_s`, without that column `time_s`, without both the number of the row.
-
-    Raises:
-        OhmwardError: the package mcap is not installed.
     """
     writing = require("mcap.writer", "MCAP")
     numeric = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}

@@ -154,11 +154,7 @@ class Layout(NamedTuple):
 
 
 def layout_of(payload: bytes, type_: str, definitions: Definitions, encoding: str) -> Layout:
-    """The layout of a message.
-
-    Raises:
-        ValueError: the message is shorter than its fields, or is not in a known form.
-    """
+    """The layout of a message; ValueError where it is shorter than its fields, or not in a known form."""
     walk = _Walk(payload, definitions, encoding)
     walk.message(type_, "")
     return Layout(walk.numbers, walk.texts, np.array(walk.marks, dtype=np.intp))

@@ -10,7 +10,6 @@ import mmap
 import struct
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from ohmward.logs.bags.recording import ROS1, Recorded, Recording, Topic, full_type
 from ohmward.optional import require
@@ -25,11 +24,8 @@ _TIME = struct.Struct("<II")
 _LARGEST_HEADER = 8192
 
 
-class _Record(NamedTuple):
-    """A record of a bag."""
-
-    header: dict[bytes, bytes]
-    data: memoryview
+#: Header and data of a record of a bag.
+_Record = tuple[dict[bytes, bytes], memoryview]
 
 
 def open_rosbag1(path: Path) -> Recording:
@@ -41,7 +37,7 @@ def open_rosbag1(path: Path) -> Recording:
             view = memoryview(whole)
             try:
                 for record in _records(view[len(MAGIC) :], recording):
-                    block = _unpacked(record, recording) if record.header.get(b"op") == _CHUNK else None
+                    block = _unpacked(*record, recording) if record[0].get(b"op") == _CHUNK else None
                     inner = [record] if block is None else _records(block, recording)
                     yield from _messages(inner, recording, connections, names)
             finally:
@@ -57,7 +53,7 @@ def _index(path: Path) -> dict[str, Topic]:
     found = Recording(path.name, lambda *_: iter(()))
     with path.open("rb") as stream:
         first = next(_records(memoryview(stream.read(_LARGEST_HEADER))[len(MAGIC) :], found), None)
-        begin = int.from_bytes(first.header.get(b"index_pos", b""), "little") if first else 0
+        begin = int.from_bytes(first[0].get(b"index_pos", b""), "little") if first else 0
         if not len(MAGIC) < begin < path.stat().st_size:
             return {}
         stream.seek(begin)
@@ -77,7 +73,7 @@ def _records(view: memoryview, recording: Recording) -> Iterator[_Record]:
         (length,) = _LENGTH.unpack_from(view, begin)
         if length > end - begin - 4:
             break
-        yield _Record(_header(bytes(view[at + 4 : begin])), view[begin + 4 : begin + 4 + length])
+        yield _header(bytes(view[at + 4 : begin])), view[begin + 4 : begin + 4 + length]
         at = begin + 4 + length
     if at < end:
         recording.warn("the file is cut off, as by a loss of power: everything before the cut was read")
@@ -94,18 +90,18 @@ def _header(text: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-def _unpacked(record: _Record, recording: Recording) -> memoryview:
+def _unpacked(header: dict[bytes, bytes], data: memoryview, recording: Recording) -> memoryview:
     """The records in a chunk; nothing if it is damaged."""
-    compression = record.header.get(b"compression", b"none")
+    compression = header.get(b"compression", b"none")
     try:
         if compression == b"bz2":
-            return memoryview(bz2.decompress(record.data))
+            return memoryview(bz2.decompress(data))
         if compression == b"lz4":
-            return memoryview(require("lz4.frame", "a compressed bag").decompress(record.data))
+            return memoryview(require("lz4.frame", "a compressed bag").decompress(data))
     except (OSError, ValueError, RuntimeError):
         recording.warn("a damaged chunk was left out")
         return memoryview(b"")
-    return record.data
+    return data
 
 
 def _messages(
