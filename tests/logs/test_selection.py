@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.logs.selection import explain_recordings, find_separators, recording_numbers, select_rows
+from ohmward.logs.selection import explain_recordings, find_separators, select_rows
 from ohmward.logs.table import Table
 
 
@@ -62,7 +62,6 @@ def test_without_a_separating_column_the_number_of_the_recording_chooses():
     rows = table(time=TIME_S, step=[1, 2, 1, 2, 1, 2, 2, 2])
     assert find_separators(rows, "time", RESTARTS) == ()
     assert "--where recording=1 (where={'recording': 1}; there are 3)" in explain(rows)
-    np.testing.assert_array_equal(recording_numbers(RESTARTS, 8), [1, 1, 2, 2, 3, 3, 3, 3])
 
 
 def test_arguments_are_quoted_for_the_shell():

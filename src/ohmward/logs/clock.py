@@ -24,7 +24,6 @@ from ohmward.logs.dates import (
     has_time_of_day,
     read_dates,
     require_no_change,
-    require_zone,
     text_of,
     to_utc,
     unreadable,
@@ -380,7 +379,11 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
     seconds = dates.seconds
     if isinstance(first, str) and not has_time_of_day(first):
         _require_one_row_a_day(table, column, seconds)
-    require_zone(table.source, column.name, dates, hints.timezone)
+    if dates.zone and hints.timezone is None:
+        raise InputError(
+            f"{table.source}: column {column.name!r} names the time zone {dates.zone!r}, which may be one of several; "
+            "say which with --timezone, as --timezone Asia/Kolkata (FileHints(timezone=...))"
+        )
     zone, time_zone = "", "UTC"
     if not dates.is_utc and hints.timezone:
         seconds = to_utc(seconds, hints.timezone)

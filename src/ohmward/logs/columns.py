@@ -22,7 +22,7 @@ from ohmward.logs.channels import (
     letters,
     word_set,
 )
-from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of, without_notation
+from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of
 
 # Words that make a column something other than a measurement of the battery.
 _OTHER_WORDS = word_set(
@@ -272,10 +272,12 @@ def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
     for stem, unit in split_unit(name):
         if unit is None or unit.dimension in channel.dimensions:
             yield _rank(channel, stem, unit), Column(name, unit)
-    if channel is TIME and (bare := without_notation(name)) != name:
+    if channel is TIME and (bare := _NOTATION.sub("", name)) != name:
         yield _rank(channel, bare, None) + _NOTATED, Column(name, None)
 
 
+#: Notation of a time after its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
+_NOTATION = re.compile(r"\s*[(\[]\s*h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
 #: A name that says by what the numbers were multiplied: `Amps*100`, `current_x10`.
 _MULTIPLIED = re.compile(r"^(?P<stem>.+?)(?:[\s_(\[]+[xX×]|\s*[*×])\s*(?P<factor>10+)\s*[)\]]?$")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
 from functools import lru_cache
@@ -258,15 +258,6 @@ def unreadable(source: str, place: str, column: str, cell: str, first: str) -> I
     )
 
 
-def require_zone(source: str, column: str, dates: Dates, timezone: str | None) -> None:
-    """Raise InputError if the dates name a zone that may be one of several, and none is given."""
-    if dates.zone and timezone is None:
-        raise InputError(
-            f"{source}: column {column!r} names the time zone {dates.zone!r}, which may be one of several; say which "
-            "with --timezone, as --timezone Asia/Kolkata (FileHints(timezone=...))"
-        )
-
-
 def format_of(cell: str) -> str:
     """Probable format of a date for `strptime`, with the day before the month where both are possible."""
     text = cell.strip()
@@ -332,7 +323,10 @@ def require_no_change(source: str, column: str, local_s: np.ndarray) -> None:
     local_s: (T,) [s] as written.
     """
     known = local_s[np.isfinite(local_s)]
-    for before, after in _hours(known):
+    steps = np.diff(known)
+    usual = float(np.median(np.abs(steps))) if steps.size else 0.0
+    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - SECONDS_PER_HOUR) <= _ABOUT_S):
+        before, after = float(known[k]), float(known[k + 1])
         for name in _CHANGING:
             if _changes(ZoneInfo(name), before, after):
                 what = "from which clocks are put forward" if after > before else "at which clocks are put back"
@@ -341,16 +335,6 @@ def require_no_change(source: str, column: str, local_s: np.ndarray) -> None:
                     f"of {name}; say the zone with --timezone {name} (FileHints(timezone={name!r})), or "
                     "--timezone UTC where the clock is never changed"
                 )
-
-
-def _hours(local_s: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Pairs of neighbours between which about an hour is skipped or repeated."""
-    steps = np.diff(local_s)
-    if not steps.size:
-        return
-    usual = float(np.median(np.abs(steps)))
-    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - SECONDS_PER_HOUR) <= _ABOUT_S):
-        yield float(local_s[k]), float(local_s[k + 1])
 
 
 def _changes(zone: ZoneInfo, before_s: float, after_s: float) -> bool:

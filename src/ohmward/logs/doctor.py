@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -73,25 +73,6 @@ class DriveSurvey:
     wheels: dict[str, Signal]
     motors: dict[str, Signal]
     body: dict[str, Signal]  #: of the body sensors, in the units given by their names
-
-
-def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
-    """Statistics of a drive, without the channels that were never measured.
-
-    places: names of the wheels, driven ones first.
-    """
-    speeds = log.wheel_speed_rad_s
-    moving = np.nan_to_num(np.abs(speeds)).max(axis=1, initial=0.0) > 0.0
-    columns = {
-        "wheels": dict(zip(places, speeds.T, strict=True)),
-        "motors": dict(zip(places, log.motor_current_A.T, strict=False)),
-        "body": {name: getattr(log, name) for name in log.channels},
-    }
-    known = {
-        kind: {name: signal_of(values, ~moving) for name, values in of_kind.items() if np.isfinite(values).any()}
-        for kind, of_kind in columns.items()
-    }
-    return DriveSurvey(len(log), log.duration_s, sampling_of(log.time_s), **known)
 
 
 def survey(log: Log, evidence: SignEvidence) -> Survey:
@@ -180,21 +161,30 @@ def examine(log: LogSource) -> Findings[Survey]:
     evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     found = survey(log, evidence)
     hidden = check_hidden_charge(log.time_s, log.current_A, log.voltage_V)
-    return _findings(log, found, (*_faults_of_battery(found, evidence), *hidden))
+    findings = in_order((*_faults_of_battery(found, evidence), *hidden))
+    return Findings(log.name, found, findings, tuple(map(str, log.notes)))
 
 
 def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:
     """Survey a drive, and list everything that prevents estimates of speed, slip and pose, errors first.
 
+    Channels that were never measured are left out.
+
     places: names of the wheels, driven ones first.
     """
-    found = survey_drive(log, places)
-    return _findings(log, found, _faults_of_drive(found))
-
-
-def _findings(log: Log | DriveLog, found: S, faults: Iterable[Finding]) -> Findings[S]:
-    """The examination of a log: errors first, then warnings, then the rest."""
-    return Findings(log.name, found, in_order(faults), tuple(map(str, log.notes)))
+    speeds = log.wheel_speed_rad_s
+    moving = np.nan_to_num(np.abs(speeds)).max(axis=1, initial=0.0) > 0.0
+    columns = {
+        "wheels": dict(zip(places, speeds.T, strict=True)),
+        "motors": dict(zip(places, log.motor_current_A.T, strict=False)),
+        "body": {name: getattr(log, name) for name in log.channels},
+    }
+    known = {
+        kind: {name: signal_of(values, ~moving) for name, values in of_kind.items() if np.isfinite(values).any()}
+        for kind, of_kind in columns.items()
+    }
+    found = DriveSurvey(len(log), log.duration_s, sampling_of(log.time_s), **known)
+    return Findings(log.name, found, in_order(_faults_of_drive(found)), tuple(map(str, log.notes)))
 
 
 def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:

@@ -286,8 +286,9 @@ def _read_rows(
     table = table._replace(notes=clock.notes).with_columns({time: clock.time_s}, *table.notes)
     table = drop_untimed(table, time)
     if number is not None:
-        numbers = selection.recording_numbers(selection.find_restarts(table.columns[time]), table.line.size)
-        table = selection.select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
+        begins = np.zeros(table.line.size)
+        begins[selection.find_restarts(table.columns[time])] = 1.0
+        table = selection.select_rows(table.with_columns({RECORDING: 1.0 + begins.cumsum()}), {RECORDING: number})
     channels = {column.name for channel, column in columns.items() if channel != "time"} & table.columns.keys()
     try:
         table = to_numbers(table)

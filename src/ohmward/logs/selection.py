@@ -55,11 +55,6 @@ def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
     return table
 
 
-def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
-    """Number of the recording of each row (T,): 1, 2, ... counted up at every row in `restarts` (K,)."""
-    return 1.0 + np.isin(np.arange(size), restarts).cumsum()
-
-
 def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators: Sequence[str]) -> str:
     """The message on a clock that restarts at the rows `restarts` (K,): the place, and how to choose a recording.
 

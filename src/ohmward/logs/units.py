@@ -146,15 +146,6 @@ def unit_in_brackets(name: str) -> Unit | None:
     return unit_of(found["unit"]) if found else None
 
 
-#: Notation of a time after its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
-_NOTATION = re.compile(r"\s*[(\[]\s*h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
-
-
-def without_notation(name: str) -> str:
-    """The name of a time without its notation: `Test Time(h:min:s)` is `Test Time`."""
-    return _NOTATION.sub("", name)
-
-
 def unit_in_name(name: str, dimensions: Collection[str]) -> Unit | None:
     """The unit of one of the dimensions that a column's name ends in, or None."""
     return next((unit for _, unit in split_unit(name) if unit and unit.dimension in dimensions), None)

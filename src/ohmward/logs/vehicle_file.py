@@ -17,17 +17,15 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import BATTERY, DRIVE, KnownType, Note, Opener, Stream, Streams, TableFile, parsing
 from ohmward.optional import require, silenced
 
-_PX4_CELLS, _PX4_WHEELS = 14, 4
-
 #: Topics of PX4 that are found without being named, by the names of their messages.
 _PX4 = {
     "battery_status": KnownType(
         BATTERY,
         {"voltage_v": "voltage [V]", "current_a": "current [A]", "temperature": "temperature [degC]"}
         | {"remaining": "remaining"}
-        | {f"voltage_cell_v[{k}]": f"cell_voltage[{k}]" for k in range(_PX4_CELLS)},
+        | {f"voltage_cell_v[{k}]": f"cell_voltage[{k}]" for k in range(14)},
     ),
-    "wheel_encoders": KnownType(DRIVE, {f"wheel_speed[{k}]": f"wheel_speed_{k} [rad/s]" for k in range(_PX4_WHEELS)}),
+    "wheel_encoders": KnownType(DRIVE, {f"wheel_speed[{k}]": f"wheel_speed_{k} [rad/s]" for k in range(4)}),
 }
 
 
