@@ -208,3 +208,8 @@ def test_a_counter_that_begins_again_at_the_end_of_its_range_goes_on(counts, uni
 def test_a_logger_that_was_restarted_is_no_counter_at_the_end_of_its_range(last):
     times = np.concatenate([last - 1000 * np.arange(50)[::-1], 1000 * np.arange(50)])
     assert clock(times, "ms").time_s[50] == 0.0
+
+
+def test_times_of_day_go_over_midnight_beside_an_empty_cell():
+    found = clock(text("23:59:58", "", "23:59:59", "00:00:01"))
+    np.testing.assert_array_equal(found.time_s, [86398.0, np.nan, 86399.0, 86401.0])

@@ -29,7 +29,7 @@ from ohmward.logs.dates import (
     unreadable,
 )
 from ohmward.logs.hints import EXCEL, FileHints
-from ohmward.logs.table import Note, Table, TableFile, can_read, number, numbers
+from ohmward.logs.table import Note, Table, TableFile, can_read, held, number, numbers
 from ohmward.logs.units import UNITS
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.
@@ -356,8 +356,8 @@ def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float]
 
 def _over_midnight(column: Column, seconds: np.ndarray) -> Clock:
     """Seconds of durations, or of times of day, which go on to the next day where they fall by almost a day."""
-    days = np.cumsum(np.concatenate([[0.0], np.diff(np.where(np.isfinite(seconds), seconds, 0.0)) < -_OVER_MIDNIGHT_S]))
-    if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= DAY_S:
+    days = np.cumsum(np.diff(held(seconds), prepend=np.nan) < -_OVER_MIDNIGHT_S)
+    if not days.any() or np.nanmax(seconds) >= DAY_S:
         return Clock(seconds, None)
     note = Note(f"column {column.name!r} holds times of day: it goes over midnight", "warning")
     return Clock(seconds + DAY_S * days, None, (note,))
