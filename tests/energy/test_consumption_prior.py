@@ -10,7 +10,6 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA, RobotInput, forces, hard_terrain, scene
 from ohmward.traction.dynamics.forces import power
 from ohmward.traction.terrain.floor import STIFFNESS, STIFFNESS_STD
-from ohmward_lab.traction.quasi_static import wheel_slip
 from traction.examples import LOSSY
 
 ROBOT = replace(RLMA, idle_W=12.0)
@@ -21,7 +20,7 @@ def test_windings_heat_as_the_model_of_the_robot_says():
     p, motion = scene(ROBOT, hard_terrain("dry asphalt")), np.array([0.5, 0.0])
     current_A = np.full(2, 3.0)
     pull_N = 2 * 3.0 * 0.517 / 0.12
-    x = np.concatenate([motion, wheel_slip(motion, RobotInput(current_A), p).speed_rad_s])
+    x = np.concatenate([motion, ROBOT.rolling[:2] @ motion / 0.12])
     copper_W = power(x, RobotInput(current_A), p, forces(x, RobotInput(current_A), p)).copper
     assert heat_W_per_N2(ROBOT) * pull_N**2 == pytest.approx(copper_W)
 
