@@ -23,6 +23,7 @@ from ohmward_lab.onboard.simulated_robot import demonstration, signals_of
 from ohmward_lab.simulate.closed_loop import Pack
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive
 from ohmward_lab.simulate.closed_loop.run import RunRow
+from ohmward_lab.simulate.robot_sensors import stack
 
 #: After so long a silence [s] the bands are looked at.
 AGES_S = (1.0, 10.0, 600.0)
@@ -64,7 +65,7 @@ def drive_of(scenario: object, seconds: float) -> RunRow:
     drive = ClosedLoopDrive(scenario)
     while drive.truth.time_s < seconds:
         drive.step()
-    return drive.rows.stacked()
+    return stack(drive.rows)
 
 
 def after_silence(

@@ -14,8 +14,9 @@ from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
-from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
+from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive
 from ohmward_lab.simulate.closed_loop.run import RunRow, body_signals
+from ohmward_lab.simulate.robot_sensors import stack
 
 #: Time that is simulated in one go [s]; messages are sent on time all the same.
 _CHUNK_S = 0.1
@@ -120,11 +121,11 @@ def _advance(drive: ClosedLoopDrive, ahead_s: float) -> list[tuple[float, dict[s
     until_s = drive.truth.time_s + ahead_s - _TIME_EPS_S
     while drive.truth.time_s < until_s and not drive.empty:
         drive.step()
-    if not len(drive.rows):
+    if not drive.rows:
         return []
-    columns = signals_of(drive.rows.stacked(), [place.name for place in drive.robot.places])
+    columns = signals_of(stack(drive.rows), [place.name for place in drive.robot.places])
     times_s = columns.pop("time_s").tolist()
-    drive.rows = Records()
+    drive.rows = []
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     values = [{s: v for s, v in zip(columns, row, strict=True) if math.isfinite(v)} for row in rows]
     return list(zip(times_s, values, strict=True))

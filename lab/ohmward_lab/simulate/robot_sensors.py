@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from ohmward.checks import require_between, require_each_not_negative, require_e
 from ohmward.errors import InputError
 from ohmward.traction.robot.packaged import RLMA
 from ohmward_lab.simulate.sensors import Sensor
+
+T = TypeVar("T")
 
 #: The order of the wheels of a robot on two axles; other robots have that of `Robot.places`, driven wheels first.
 WHEELS = ("front left", "front right", "rear left", "rear right")
@@ -50,9 +52,13 @@ class RobotTruth(NamedTuple):
     specific_force_m_s2: Any  #: (3,) of an ideal accelerometer, forward, left, up; 9.81 up at rest on level ground
 
 
-def stack(truths: Sequence[RobotTruth]) -> RobotTruth:
-    """The truth over time, every field an array with time (T,) in front."""
-    return RobotTruth(*(np.array(values) for values in zip(*truths, strict=True)))
+def stack(records: Sequence[T]) -> T:
+    """Records of one structure as one, with time (T,) in front of every number; a field that is None stays so."""
+    first: Any = records[0]
+    if isinstance(first, tuple):
+        fields: Any = zip(*cast(Any, records), strict=True)
+        return cast(T, type(first)(*map(stack, fields)))
+    return cast(T, first if first is None else np.array(records, dtype=float))
 
 
 def driven_torques(torque_N_m: Any, driven: tuple[int, ...]) -> np.ndarray:
@@ -172,6 +178,9 @@ def measure(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) 
     def measured(sensor: Sensor, true: np.ndarray) -> np.ndarray:
         return sensor.measure(true, np.full(true.size, truth.time_s), rng)
 
+    def angle(sensor: Sensor | None, true: float) -> float:
+        return math.nan if sensor is None else float(measured(sensor, np.array([true]))[0])
+
     current_A = truth.torque_N_m[list(sensors.motor_wheels)] / sensors.torque_constant_N_m_per_A
     turns = truth.wheel_angle_rad[list(sensors.encoder_wheels)] / (2 * np.pi)
     return SensorFrame(
@@ -181,19 +190,9 @@ def measure(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) 
         motor_current_A=measured(sensors.motor_current, current_A),
         gyro_rad_s=measured(sensors.gyro, truth.gyro_rad_s),
         specific_force_m_s2=measured(sensors.accelerometer, truth.specific_force_m_s2),
-        pitch_rad=float(measured(sensors.pitch, pitch(truth))[0]) if sensors.pitch else math.nan,
-        heading_rad=float(measured(sensors.compass, heading(truth))[0]) if sensors.compass else math.nan,
+        pitch_rad=angle(sensors.pitch, math.asin(math.sin(truth.grade_rad) * math.cos(truth.heading_rad))),
+        heading_rad=angle(sensors.compass, math.remainder(truth.heading_rad, 2 * math.pi)),
     )
-
-
-def pitch(truth: RobotTruth) -> np.ndarray:
-    """(1,) slope of the ground along the robot [rad], > 0 with the nose up."""
-    return np.array([math.asin(math.sin(truth.grade_rad) * math.cos(truth.heading_rad))])
-
-
-def heading(truth: RobotTruth) -> np.ndarray:
-    """(1,) heading of the robot [rad], within half a turn of zero."""
-    return np.array([math.remainder(truth.heading_rad, 2 * math.pi)])
 
 
 def wheel_speed(before: SensorFrame, after: SensorFrame, sensors: RobotSensors) -> np.ndarray:

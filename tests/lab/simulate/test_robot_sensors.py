@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from ohmward_lab.simulate.robot_sensors import (
     measure,
     record,
     sample_board,
+    stack,
     wheel_speed,
 )
 
@@ -27,6 +29,8 @@ def turning(duration_s=1.0, speed_rad_s=4.0, dt_s=0.005) -> RobotTruth:
     fields = dict.fromkeys(RobotTruth._fields, none)
     fields |= {
         "time_s": time_s,
+        "heading_rad": 0.0 * time_s,
+        "grade_rad": 0.0 * time_s,
         "wheel_angle_rad": speed * time_s[:, None],
         "wheel_speed_rad_s": speed,
         "torque_N_m": none + np.array([1.0, 2.0, 0.0, 0.0]),
@@ -140,3 +144,23 @@ def test_wheel_speed_needs_time_to_pass():
     reading = measure(at(turning(), 3), IDEAL, rng())
     with pytest.raises(InputError, match="after must be taken later than before"):
         wheel_speed(reading, reading, IDEAL)
+
+
+class Inner(NamedTuple):
+    a: Any
+    b: Any
+
+
+class Outer(NamedTuple):
+    x: Any
+    inner: Inner
+    nothing: Any
+
+
+def test_records_come_back_with_time_in_front():
+    back = stack([Outer(np.array([k, k + 1.0, np.nan]), Inner(float(k), np.full((2, 2), k)), None) for k in range(5)])
+    assert back.nothing is None
+    assert back.x.shape == (5, 3)
+    np.testing.assert_array_equal(back.x[3], [3.0, 4.0, np.nan])
+    np.testing.assert_array_equal(back.inner.a, np.arange(5.0))
+    np.testing.assert_array_equal(back.inner.b[4], np.full((2, 2), 4.0))

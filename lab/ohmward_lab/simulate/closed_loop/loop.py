@@ -10,12 +10,10 @@ battery feeds the motors and the electronics
 from __future__ import annotations
 
 import time
-from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from enum import IntFlag
-from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -33,54 +31,8 @@ from ohmward_lab.simulate.closed_loop.scenario import Scenario
 from ohmward_lab.simulate.closed_loop.sensing import SensorSuite
 from ohmward_lab.simulate.closed_loop.supply import PackSensors, Supplied, Supply, available_torque
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward_lab.simulate.robot_sensors import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
 from ohmward_lab.traction.momentum_observer import MomentumObserver
-
-T = TypeVar("T")
-
-
-class Records(Generic[T]):
-    """Records of one structure; a field that is None in the first one is None in all."""
-
-    def __init__(self) -> None:
-        self._first: Any = None
-        self._numbers = array("d")
-        self._count = 0
-
-    def __len__(self) -> int:
-        return self._count
-
-    def add(self, record: T) -> None:
-        """Add one record."""
-        if self._first is None:
-            self._first = record
-        self._numbers.extend(numbers(record))
-        self._count += 1
-
-    def stacked(self) -> T:
-        """All records as one, with time (T,) in front of every leaf; there must be at least one."""
-        table = np.array(self._numbers).reshape(self._count, -1)
-        return _with_columns(self._first, iter(table.T))
-
-
-def numbers(record: Any) -> list[float]:
-    """Numbers of a record, leaf by leaf."""
-    if isinstance(record, tuple):
-        return [number for field in record for number in numbers(field)]
-    if isinstance(record, np.ndarray):
-        return [float(number) for number in record.ravel().tolist()]
-    return [] if record is None else [float(record)]
-
-
-def _with_columns(like: Any, columns: Iterator[np.ndarray]) -> Any:
-    """The structure of `like` with the columns (T,) in place of its numbers."""
-    if isinstance(like, tuple):
-        return type(like)(*(_with_columns(field, columns) for field in like))
-    if isinstance(like, np.ndarray):
-        taken = [next(columns) for _ in range(like.size)]
-        return np.stack(taken, axis=1).reshape(-1, *like.shape)
-    return None if like is None else next(columns).copy()
-
 
 _SENTENCES: dict[IntFlag, str] = {
     ControlFlag.STALE: "the speed was too old or too uncertain to act on, and the torque went to zero; give the robot "
@@ -161,15 +113,15 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
         if progress and k % _PROGRESS_STEPS == 0:
             progress(k, steps)
     drive.sample()
-    if not len(drive.rows):
+    if not drive.rows:
         raise InputError(
             f"no sample of the sensors arrived in {drive.truth.time_s:.3g} s; lower sensors.drop_share or "
             "sensors.delay_s, or drive for longer"
         )
     return ClosedLoopRun(
         scenario,
-        drive.history.stacked(),
-        drive.rows.stacked(),
+        stack(drive.history),
+        stack(drive.rows),
         drive.warnings.sentences(drive.empty),
         time.perf_counter() - begun,
     )
@@ -203,8 +155,8 @@ class ClosedLoopDrive:
         self._history_s = max(scenario.controller.interval_s, _SHORTEST_INSTANT_S, scenario.duration_s / _INSTANTS)
         #: truth of the robot, current, voltage and SoC of the battery at each sample that has not arrived, by its time
         self._on_the_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
-        self.history: Records[Instant] = Records()
-        self.rows: Records[RunRow] = Records()
+        self.history: list[Instant] = []
+        self.rows: list[RunRow] = []
 
     @property
     def empty(self) -> bool:
@@ -224,7 +176,7 @@ class ClosedLoopDrive:
         for arrival in arrivals:
             estimate = self.observation.update(arrival)
             at = self._on_the_way[arrival.taken_s]
-            self.rows.add(RunRow(arrival.taken_s, arrival.sample, arrival.heading_rad, estimate, *at))
+            self.rows.append(RunRow(arrival.taken_s, arrival.sample, arrival.heading_rad, estimate, *at))
             self._on_the_way = {t: later for t, later in self._on_the_way.items() if t > arrival.taken_s}
 
     def step(self) -> None:
@@ -265,7 +217,7 @@ class ClosedLoopDrive:
         """Add an instant to the history where one is due."""
         if self.truth.time_s > (len(self.history) + 1) * self._history_s - _TIME_EPS_S or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
-            self.history.add(Instant(self.truth, report, *battery, self.energy_J))
+            self.history.append(Instant(self.truth, report, *battery, self.energy_J))
 
 
 def _controllers(scenario: Scenario, example: WheelCommand) -> dict[str, tuple[Controller, Kernel]]:
