@@ -22,35 +22,22 @@ from ohmward.trace import Kernel, cos, sin
 from ohmward.traction.dynamics.forces import EnergyBalance, Forces, RobotInput, Scene, forces, momentum_rates, scene
 from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.terrain import RollingLaw, Terrain
+from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques
 
 
 @dataclass(frozen=True)
-class MixedTraction:
-    """Weighted mean of traction laws."""
+class MixedLaw:
+    """Weighted mean of laws of traction, or of rolling resistance."""
 
-    laws: tuple[TractionLaw, ...]  #: (K,) of them
+    laws: tuple[Any, ...]  #: (K,) of them
     shares: np.ndarray  #: (K,) weights, adding up to 1; may be traced
 
-    def force_N(self, contact: Contact) -> Any:
-        """Force [N] of the ground on the wheel."""
-        return sum(w * law.force_N(contact) for w, law in zip(self.shares, self.laws, strict=True))
-
-
-@dataclass(frozen=True)
-class MixedRolling:
-    """Weighted mean of laws of rolling resistance; attributes as of `MixedTraction`."""
-
-    laws: tuple[RollingLaw, ...]
-    shares: np.ndarray
-
-    def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
-        """Force [N] of the ground on the body along x."""
-        return sum(w * law.force_N(travel_speed_m_s, load_N) for w, law in zip(self.shares, self.laws, strict=True))
+    def force_N(self, *at: Any) -> Any:
+        """Force [N] of the ground, with the arguments of its laws."""
+        return sum(w * law.force_N(*at) for w, law in zip(self.shares, self.laws, strict=True))
 
 
 def terrain_mixture(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
@@ -59,8 +46,8 @@ def terrain_mixture(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
     rolling = [t.rolling for t in terrains]
     return Terrain(
         "terrain_mixture",
-        traction[0] if _all_equal(traction) else MixedTraction(tuple(traction), shares),
-        rolling[0] if _all_equal(rolling) else MixedRolling(tuple(rolling), shares),
+        traction[0] if _all_equal(traction) else MixedLaw(tuple(traction), shares),
+        rolling[0] if _all_equal(rolling) else MixedLaw(tuple(rolling), shares),
         "scenario",
     )
 
