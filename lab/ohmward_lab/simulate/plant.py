@@ -5,8 +5,7 @@ heat = M h i + sum v_j^2 / R_j + R_0 i^2 + B arcsinh(i / i_x) i + OCV (i - i_s) 
 C dT/dt = heat - G (T - T_ambient)
 
 i_s is the part of the current that is stored. The last two terms are side reactions and reversible heat (Bernardi,
-Pawlikowski, Newman 1985). `stored_energy_J` grows by the energy at the terminals less the heat: up to the step length
-where the R_j are constant, within 3 % of the heat where they change with SoC while the v_j are not zero.
+Pawlikowski, Newman 1985).
 """
 
 from __future__ import annotations
@@ -33,8 +32,6 @@ from ohmward_lab.simulate.profile import Profile
 SOC = 0
 #: Newton converges quadratically from one side: four steps reach rounding.
 _LIMIT_STEPS = 4
-#: Parts of the integral over SoC in `stored_energy_J`.
-_ENERGY_PARTS = 4000
 
 
 class PlantState(NamedTuple):
@@ -216,18 +213,6 @@ def next_temperature(temperature_degC: Any, heat_W: Any, demand: Demand, battery
     settled = demand.ambient_degC + heat_W / battery.cooling_W_per_K
     decay = np.exp(-demand.dt_s * battery.cooling_W_per_K / battery.heat_capacity_J_per_K)
     return settled + decay * (temperature_degC - settled)
-
-
-def stored_energy_J(state: PlantState, battery: SimulatedBattery) -> float:
-    """Chemical energy (enthalpy) above that of the empty battery plus that of the RC pairs' capacitors [J]."""
-    p = battery.circuit
-    soc, *v, _ = state.x
-    u = CircuitInput(state.current_A, state.temperature_degC)
-    middle = soc * (np.arange(_ENERGY_PARTS) + 0.5) / _ENERGY_PARTS
-    reversible_V = (p.reference_degC + KELVIN) * _entropy_V_per_K(middle, battery)
-    chemical = p.capacity_As * soc * np.mean(p.ocv.mean_V(middle, p.reference_degC) - reversible_V)
-    pairs = zip(v, p.tau_s, pair_resistances(soc, u, p), strict=True)
-    return float(chemical + sum(0.5 * tau / rj * vj * vj for vj, tau, rj in pairs))
 
 
 def fine_times(time_s: np.ndarray, max_step_s: float) -> np.ndarray:

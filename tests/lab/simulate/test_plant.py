@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.models.thevenin import CircuitInput, pair_resistances
 from ohmward.errors import InputError
 from ohmward_lab.simulate import BATTERIES, Profile, resting_state, simulate
-from ohmward_lab.simulate.plant import Demand, current_at, fine_times, step, stored_energy_J
+from ohmward_lab.simulate.plant import Demand, current_at, fine_times, step
 from ohmward_lab.simulate.profile import steps
 from simulate.examples import simple_battery
 
@@ -73,6 +74,16 @@ def test_gas_takes_the_energy_that_is_not_stored():
     sim = run_fine(battery, constant(8.0, 3600.0), start)
     assert sim.truth.soc[-1] < 1.0
     assert balance_error_J(battery, start, sim) == pytest.approx(0.0, abs=2e-4 * sim.state.heat_J)
+
+
+def stored_energy_J(state, battery):
+    """Chemical energy (enthalpy) above that of the empty battery plus that of the RC pairs' capacitors."""
+    p, (soc, *v, _) = battery.circuit, state.x
+    middle = soc * (np.arange(4000) + 0.5) / 4000
+    mean_V, warmer_V = (p.ocv.mean_V(middle, p.reference_degC + warmer_K) for warmer_K in (0.0, 1.0))
+    chemical = p.capacity_As * soc * np.mean(mean_V - (p.reference_degC + KELVIN) * (warmer_V - mean_V))
+    pairs = pair_resistances(soc, CircuitInput(state.current_A, state.temperature_degC), p)
+    return float(chemical + sum(0.5 * tau / r * vj * vj for vj, tau, r in zip(v, p.tau_s, pairs, strict=True)))
 
 
 def balance_error_J(battery, start, sim):
