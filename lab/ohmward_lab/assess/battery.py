@@ -32,8 +32,8 @@ from ohmward_lab.published.registry import GivenStart
 from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc
 from ohmward_lab.simulate import plant
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
-from ohmward_lab.simulate.mission import MissionRobot, drive
-from ohmward_lab.simulate.profile import pulse_test
+from ohmward_lab.simulate.mission import drive
+from ohmward_lab.simulate.profile import pulse_profile
 from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
@@ -149,9 +149,9 @@ class Shifts(NamedTuple):
 def identified(chemistry: str) -> Battery:
     """The battery file, from a pulse test in the workshop with a good sensor."""
     simulated = BATTERIES[chemistry]
-    bench = run_on_bench(simulated, pulse_test(simulated))
-    log = record(simulated, "pulse test", bench, _bench_sensors(simulated), generator("test", chemistry))
     capacity_Ah = simulated.circuit.capacity_Ah
+    bench = run_on_bench(simulated, pulse_profile(capacity_Ah))
+    log = record(simulated, "pulse test", bench, _bench_sensors(simulated), generator("test", chemistry))
     return identify(log, capacity_Ah=capacity_Ah, chemistry=chemistry, n_series=simulated.n_series)
 
 
@@ -196,12 +196,11 @@ def in_state(battery: SimulatedBattery, truth: TrueBattery) -> SimulatedBattery:
 def _load_A(rng: np.random.Generator, battery: SimulatedBattery, time_s: np.ndarray) -> np.ndarray:
     """Demanded current (T,) [A] of a shift; the charger keeps to the battery's limits."""
     capacity_A = battery.circuit.capacity_Ah
-    robot = MissionRobot()
     grid_s = np.arange(0.0, SHIFT_S + 1.0)
     current_A = np.full(grid_s.size, -_IDLE_C * capacity_A)
     charge_s = _DRIVING_S + _IDLING_S
     for begin_s in (0.0, charge_s + _CHARGING_S):
-        driven = drive(rng, robot, _DRIVING_S).current_A * capacity_A / _MISSION_AH
+        driven = drive(rng, _DRIVING_S).current_A * capacity_A / _MISSION_AH
         current_A[int(begin_s) : int(begin_s) + driven.size] = driven
     current_A[int(charge_s) : int(charge_s + _CHARGING_S)] = _RECHARGE_C * capacity_A
     return np.interp(time_s, grid_s, current_A)

@@ -12,9 +12,9 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import Log
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
-from ohmward_lab.simulate.mission import MissionRobot, drive
+from ohmward_lab.simulate.mission import drive
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import EDGE_S, Profile, pulse_test
+from ohmward_lab.simulate.profile import EDGE_S, Profile, pulse_profile
 from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 
@@ -63,7 +63,7 @@ def robot_discharge(
     """[P] 4: a pulse test and the robot's discharge from full to `end_soc`, by the sensors of its table 2, at 1 Hz."""
     rng = np.random.default_rng(seed)
     sensors = farm_sensors(rng)
-    profile = drive(rng, MissionRobot(), 12 * SECONDS_PER_HOUR)
+    profile = drive(rng, 12 * SECONDS_PER_HOUR)
     profile = profile._replace(
         current_A=profile.current_A * (mean_A / -profile.current_A.mean()),
         ambient_degC=np.full(profile.time_s.size, ROOM_DEGC),
@@ -111,7 +111,7 @@ def joystick_drive(battery: SimulatedBattery, soc: tuple[float, float], seed: in
     rng = np.random.default_rng(seed)
     profile = joystick(rng, battery.circuit.capacity_Ah, 12 * SECONDS_PER_HOUR)
     down = _down_to(profile, battery.circuit.capacity_Ah, soc[1], soc[0])
-    return _recording(battery, pulse_test(battery), down, soc, _laboratory(), rng)
+    return _recording(battery, pulse_profile(battery.circuit.capacity_Ah), down, soc, _laboratory(), rng)
 
 
 def joystick(rng: np.random.Generator, capacity_Ah: float, duration_s: float) -> Profile:

@@ -8,63 +8,46 @@ with the capacity of the cell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate.profile import Profile, constant, join
 
 _GRAVITY_M_S2 = 9.81
 _GRID_S = 1.0
 
-
-@dataclass(frozen=True)
-class MissionRobot:
-    """A 50 kg robot with 12 V drives, of the kind that carries crates or hoes between rows.
-
-    Raises:
-        InputError: a value out of its range.
-    """
-
-    #: without and with load, which changes from trip to trip
-    mass_kg: float = 50.0
-    payload_kg: float = 20.0
-    rolling: float = 0.045  #: coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil
-    speed_m_s: tuple[float, float] = (0.3, 0.9)  #: (slowest, fastest) speed of a leg
-    acceleration_m_s2: float = 0.5  #: when starting and braking
-    grade_std: float = 0.02  #: standard deviation of the slope of a leg
-    #: battery to wheel; share of the braking power that comes back
-    efficiency: float = 0.65
-    regeneration: float = 0.4
-    idle_W: float = 9.0  #: computer, lidar, radio
-    tool_W: float = 25.0  #: mower or lift while it works, in a third of the legs
-    nominal_V: float = 12.5  #: voltage by which power is divided to give current
-
-    def __post_init__(self) -> None:
-        require_each_positive("robot.", self, "mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V")
-        require_each_not_negative("robot.", self, "payload_kg", "rolling", "grade_std", "idle_W", "tool_W")
-        for name in ("efficiency", "regeneration"):
-            require_between(f"robot.{name}", getattr(self, name), 0.0, 1.0)
+#: A 50 kg robot with 12 V drives, of the kind that carries crates or hoes between rows: without and with a load, which
+#: changes from trip to trip.
+_MASS_KG, _PAYLOAD_KG = 50.0, 20.0
+#: Coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil.
+_ROLLING = 0.045
+#: Slowest and fastest speed of a leg, acceleration when starting and braking, standard deviation of the slope of a leg.
+_SPEED_M_S, _ACCELERATION_M_S2, _GRADE_STD = (0.3, 0.9), 0.5, 0.02
+#: Battery to wheel; share of the braking power that comes back.
+_EFFICIENCY, _REGENERATION = 0.65, 0.4
+#: Computer, lidar and radio; mower or lift while it works, in a third of the legs.
+_IDLE_W, _TOOL_W = 9.0, 25.0
+#: Voltage by which power is divided to give current.
+_NOMINAL_V = 12.5
+#: Current of the robot that stands.
+_IDLE_A = -_IDLE_W / _NOMINAL_V
 
 
-def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionRobot | None = None) -> Profile:
+def robot_day(rng: np.random.Generator, charge_current_A: float) -> Profile:
     """Nine and a half hours from 07:30: work, a break, work, charging at noon, work, docked without a load.
 
     The work takes about 16 Ah, more than a battery of 12 Ah holds: without the charge the day would not end well.
     charge_current_A: of the charger [A] before its constant-voltage phase.
     """
-    robot = robot or MissionRobot()
-    work = [drive(rng, robot, hours * SECONDS_PER_HOUR) for hours in (1.6, 1.6, 3.2)]
-    idle_A = -robot.idle_W / robot.nominal_V
+    work = [drive(rng, hours * SECONDS_PER_HOUR) for hours in (1.6, 1.6, 3.2)]
     day = join(
         [
             constant(600.0, 0.0),
             work[0],
-            constant(0.4 * SECONDS_PER_HOUR, idle_A),
+            constant(0.4 * SECONDS_PER_HOUR, _IDLE_A),
             work[1],
             constant(1.75 * SECONDS_PER_HOUR, charge_current_A),
             work[2],
@@ -80,32 +63,32 @@ def ambient_degC(time_s: np.ndarray, start_hour: float, mean_degC: float = 18.0,
     return mean_degC - swing_K * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
 
 
-def drive(rng: np.random.Generator, robot: MissionRobot, duration_s: float) -> Profile:
+def drive(rng: np.random.Generator, duration_s: float) -> Profile:
     """Legs of 5 to 40 m with stops between them, on ground of changing slope and roughness."""
     time_s = np.arange(0.0, duration_s, _GRID_S)
     speed, grade, mass, tool = np.zeros((4, time_s.size))
     start = 0
     payload_kg = 0.0
     while start < time_s.size:
-        leg = leg_speed(rng, robot)
+        leg = leg_speed(rng)
         rows = slice(start, start + leg.size)
         if rng.random() < 0.1:
-            payload_kg = robot.payload_kg * rng.integers(0, 2)
+            payload_kg = _PAYLOAD_KG * rng.integers(0, 2)
         speed[rows] = leg[: speed[rows].size]
-        grade[rows] = rng.normal(0.0, robot.grade_std)
-        mass[rows] = robot.mass_kg + payload_kg
-        tool[rows] = robot.tool_W * (rng.random() < 1 / 3)
+        grade[rows] = rng.normal(0.0, _GRADE_STD)
+        mass[rows] = _MASS_KG + payload_kg
+        tool[rows] = _TOOL_W * (rng.random() < 1 / 3)
         start += leg.size
     rough = 1.0 + 0.25 * rng.standard_normal(time_s.size)
-    power = shaft_power_W(speed, mass, grade, robot.rolling * rough)
-    battery = np.where(power > 0.0, power / robot.efficiency, power * robot.regeneration) + tool * (speed > 0.0)
-    return Profile(time_s, -(battery + robot.idle_W) / robot.nominal_V, np.zeros(time_s.size))
+    power = shaft_power_W(speed, mass, grade, _ROLLING * rough)
+    battery = np.where(power > 0.0, power / _EFFICIENCY, power * _REGENERATION) + tool * (speed > 0.0)
+    return Profile(time_s, -(battery + _IDLE_W) / _NOMINAL_V, np.zeros(time_s.size))
 
 
-def leg_speed(rng: np.random.Generator, robot: MissionRobot) -> np.ndarray:
+def leg_speed(rng: np.random.Generator) -> np.ndarray:
     """Speed [m/s] each second of one leg: a ramp up, a cruise, a ramp down, a stop of 2 to 30 s."""
-    cruise = rng.uniform(*robot.speed_m_s)
-    ramp_s = cruise / robot.acceleration_m_s2
+    cruise = rng.uniform(*_SPEED_M_S)
+    ramp_s = cruise / _ACCELERATION_M_S2
     moving_s = rng.uniform(5.0, 40.0) / cruise + ramp_s
     t = np.arange(0.0, moving_s + rng.uniform(2.0, 30.0), _GRID_S)
     return cruise * np.clip(np.minimum(t, moving_s - t) / ramp_s, 0.0, 1.0)
@@ -143,11 +126,10 @@ class DayPlan(NamedTuple):
 def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | None = None) -> Profile:
     """Eight hours from 08:00, more in the cold: five drives, idle draw in pauses, rests without it, two charges."""
     plan = plan or DayPlan()
-    robot = MissionRobot()
-    idle_A = -robot.idle_W / robot.nominal_V * capacity_Ah / _MISSION_AH
+    idle_A = _IDLE_A * capacity_Ah / _MISSION_AH
     share = float(np.interp(plan.ambient_degC, _CHARGING_DEGC, _CHARGING_SHARE))
     charge = constant(_OPPORTUNITY_S / share, share * _OPPORTUNITY_C * capacity_Ah * plan.opportunity_charges)
-    legs = [drive(rng, robot, hours * SECONDS_PER_HOUR) for hours in (1.3, 1.1, 1.2, 1.1, 1.0)]
+    legs = [drive(rng, hours * SECONDS_PER_HOUR) for hours in (1.3, 1.1, 1.2, 1.1, 1.0)]
     legs = [leg._replace(current_A=plan.load * capacity_Ah / _MISSION_AH * leg.current_A) for leg in legs]
     parts = [
         constant(900.0, 0.0),

@@ -10,47 +10,41 @@ import numpy as np
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward_lab.simulate.cells import SimulatedBattery
 
 
-def pulse_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rest_s: float = SECONDS_PER_HOUR) -> Profile:
-    """Pulse test of a simulated battery, see `pulse_profile`."""
-    return pulse_profile(battery.circuit.capacity_Ah, ambient_degC, rest_s)
-
-
-def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: float = SECONDS_PER_HOUR) -> Profile:
+def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC) -> Profile:
     """From full to empty in steps of 10 %, of 5 % at both ends, with pulses before each; [P] 2.2 and 2.3, HPPC manuals.
 
-    A discharge pulse of 1 C and a charge pulse of 0.75 C, 10 s each, 60 s apart; then C/3 for the step and a rest. No
-    charge pulse at full, where the battery would not take it.
+    A discharge pulse of 1 C and a charge pulse of 0.75 C, 10 s each, 60 s apart; then C/3 for the step and an hour of
+    rest. No charge pulse at full, where the battery would not take it.
     """
     Q = capacity_Ah
     full = [(600.0, 0.0), (10.0, -Q), (60.0, 0.0)]
     pulses = [(10.0, -Q), (60.0, 0.0), (10.0, 0.75 * Q), (60.0, 0.0)]
-    small = [(0.05 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (rest_s, 0.0)]
-    large = [(0.10 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (rest_s, 0.0)]
+    small = [(0.05 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (SECONDS_PER_HOUR, 0.0)]
+    large = [(0.10 * 3.0 * SECONDS_PER_HOUR, -Q / 3.0), (SECONDS_PER_HOUR, 0.0)]
     phases = full + small
     for discharge in (small, *8 * (large,), small, small):
         phases += pulses + discharge
     return steps(phases, ambient_degC)
 
 
-def low_rate_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
-    """Full to empty and back at `rate` (1 is 1 C), with an hour of rest before, between and after."""
-    sweep_s, current_A = SECONDS_PER_HOUR / rate, rate * capacity_Ah
+def low_rate_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC) -> Profile:
+    """Full to empty and back at C/20, with an hour of rest before, between and after."""
+    sweep_s, current_A = 20 * SECONDS_PER_HOUR, capacity_Ah / 20
     rest = (SECONDS_PER_HOUR, 0.0)
     return steps([rest, (1.05 * sweep_s, -current_A), rest, (1.1 * sweep_s, current_A), rest], ambient_degC)
 
 
-def bench_times(profile: Profile, busy_s: float = 1.0, rest_s: float = 10.0, settle_s: float = 60.0) -> np.ndarray:
-    """Sample times [s] of a bench logger: every `busy_s`; every `rest_s` once the current was off for `settle_s`."""
-    times = np.arange(0.0, profile.time_s[-1], busy_s)
+def bench_times(profile: Profile) -> np.ndarray:
+    """Sample times [s] of a bench logger: every second; every ten seconds once the current was off for a minute."""
+    times = np.arange(0.0, profile.time_s[-1], 1.0)
     edges = profile.time_s[1:][np.diff(profile.current_A) != 0.0]
     since_edge = times - np.concatenate([[0.0], edges])[np.searchsorted(edges, times, side="right")]
     resting = np.interp(times, profile.time_s, profile.current_A) == 0.0
-    settling = since_edge < settle_s + EDGE_S
-    sparse = np.arange(times.size) % round(rest_s / busy_s) == 0
-    return times[~resting | settling | sparse]
+    settling = since_edge < 60.0 + EDGE_S
+    tenth = np.arange(times.size) % 10 == 0
+    return times[~resting | settling | tenth]
 
 
 #: Time [s] in which a switched current changes.

@@ -2,57 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_each_not_negative, require_one_of, require_positive
+from ohmward.checks import require_one_of
 from ohmward.logs import Log, Note, write_log
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward_lab.simulate import mission
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.plant import Simulation, resting_state, simulate
-from ohmward_lab.simulate.profile import Profile, bench_times, pulse_test
+from ohmward_lab.simulate.profile import Profile, bench_times, pulse_profile
 from ohmward_lab.simulate.sensors import BatterySensors, low_cost_sensors, on_the_bench
 
-
-@dataclass(frozen=True)
-class Telemetry:
-    """A logger with jitter and dropouts.
-
-    Raises:
-        InputError: a value out of its range.
-    """
-
-    interval_s: float = 1.0  #: nominal interval
-    jitter_std_s: float = 0.05  #: of each sample about its nominal time, limited to 0.4 intervals
-    dropouts_per_hour: float = 1.0  #: mean number of dropouts (Poisson)
-    dropout_mean_s: float = 25.0  #: mean duration of a dropout (exponential)
-
-    def __post_init__(self) -> None:
-        require_positive("telemetry.interval_s", self.interval_s)
-        require_each_not_negative("telemetry.", self, "jitter_std_s", "dropouts_per_hour", "dropout_mean_s")
-
-    def times(self, duration_s: float, rng: np.random.Generator) -> np.ndarray:
-        """(T,) strictly increasing sample times [s] in [0, duration_s]; the first sample always arrives."""
-        nominal = np.arange(0.0, duration_s, self.interval_s)
-        most = 0.4 * self.interval_s
-        jitter = np.clip(self.jitter_std_s * rng.standard_normal(nominal.size), -most, most)
-        times = np.clip(nominal + jitter, 0.0, duration_s)
-        arrives = ~self._dropped(times, duration_s, rng)
-        arrives[0] = True
-        return times[arrives]
-
-    def _dropped(self, times: np.ndarray, duration_s: float, rng: np.random.Generator) -> np.ndarray:
-        """(T,) True for samples during a dropout."""
-        count = rng.poisson(self.dropouts_per_hour * duration_s / SECONDS_PER_HOUR)
-        start = rng.uniform(0.0, duration_s, count)[:, None]
-        stop = start + rng.exponential(self.dropout_mean_s, count)[:, None]
-        return np.any((times >= start) & (times < stop), axis=0)
-
+#: Nominal interval of the logger [s]; standard deviation of each sample about its nominal time and its limit [s].
+_INTERVAL_S, _JITTER_STD_S, _MOST_JITTER_S = 1.0, 0.05, 0.4
+#: Mean number of dropouts in an hour (Poisson) and their mean duration [s] (exponential).
+_DROPOUTS_PER_HOUR, _DROPOUT_MEAN_S = 1.0, 25.0
 
 CHEMISTRIES = ("lfp", "lead-acid")
 _WORKSHOP_DEGC = 20.0
@@ -97,7 +65,7 @@ def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
 
 def run_pulse_test(battery: SimulatedBattery) -> Simulation:
     """The truth of the pulse test in the workshop, from full."""
-    return run_on_bench(battery, pulse_test(battery, _WORKSHOP_DEGC))
+    return run_on_bench(battery, pulse_profile(battery.circuit.capacity_Ah, _WORKSHOP_DEGC))
 
 
 def run_on_bench(battery: SimulatedBattery, profile: Profile) -> Simulation:
@@ -109,9 +77,22 @@ def run_on_bench(battery: SimulatedBattery, profile: Profile) -> Simulation:
 def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulation:
     """The truth of the day at the times of its telemetry, from full and at the temperature of the morning."""
     profile = mission.robot_day(rng, battery.charge_current_A)
-    times = Telemetry().times(profile.time_s[-1], rng)
+    times = telemetry_times(profile.time_s[-1], rng)
     morning_degC = float(profile.ambient_degC[0])
     return simulate(battery, profile, times, resting_state(battery, 1.0, morning_degC, hysteresis=1.0))
+
+
+def telemetry_times(duration_s: float, rng: np.random.Generator) -> np.ndarray:
+    """Times (T,) [s] of a logger with jitter and dropouts; the first sample always arrives."""
+    nominal = np.arange(0.0, duration_s, _INTERVAL_S)
+    jitter = np.clip(_JITTER_STD_S * rng.standard_normal(nominal.size), -_MOST_JITTER_S, _MOST_JITTER_S)
+    times = np.clip(nominal + jitter, 0.0, duration_s)
+    count = rng.poisson(_DROPOUTS_PER_HOUR * duration_s / SECONDS_PER_HOUR)
+    start = rng.uniform(0.0, duration_s, count)[:, None]
+    stop = start + rng.exponential(_DROPOUT_MEAN_S, count)[:, None]
+    arrives = ~np.any((times >= start) & (times < stop), axis=0)
+    arrives[0] = True
+    return times[arrives]
 
 
 def record(
@@ -125,13 +106,13 @@ def record(
     )
 
 
-def write_robot_day(day: RobotDay, folder: str | PathLike[str], suffix: str = ".csv") -> RobotDayFiles:
-    """Write both logs into an existing folder, named after them; `suffix`: one that `write_log` supports.
+def write_robot_day(day: RobotDay, folder: str | PathLike[str]) -> RobotDayFiles:
+    """Write both logs as CSV into an existing folder, named after them.
 
     Raises:
         InputError, OhmwardError: as `write_log`.
     """
-    paths = [Path(folder) / f"{log.name.replace(' ', '-')}{suffix}" for log in day]
+    paths = [Path(folder) / f"{log.name.replace(' ', '-')}.csv" for log in day]
     for log, path in zip(day, paths, strict=True):
         write_log(log, path)
     return RobotDayFiles(*paths)

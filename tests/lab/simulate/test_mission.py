@@ -1,10 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from ohmward.errors import InputError
-from ohmward_lab.simulate.mission import MissionRobot, ambient_degC, drive, leg_speed, robot_day, shaft_power_W
+from ohmward_lab.simulate.mission import ambient_degC, drive, leg_speed, robot_day, shaft_power_W
 
 
 def test_at_constant_speed_on_the_flat_power_is_rolling_resistance():
@@ -28,7 +25,7 @@ def test_climbing_a_metre_costs_its_potential_energy():
 def test_a_leg_starts_and_ends_at_rest_within_its_limits():
     rng = np.random.default_rng(0)
     for _ in range(50):
-        speed = leg_speed(rng, MissionRobot())
+        speed = leg_speed(rng)
         assert speed[0] == speed[-1] == 0.0
         assert 0.29 <= speed.max() <= 0.9
         assert abs(np.diff(speed)).max() <= 0.5 + 1e-12
@@ -36,7 +33,7 @@ def test_a_leg_starts_and_ends_at_rest_within_its_limits():
 
 
 def test_a_standing_robot_draws_its_electronics():
-    profile = drive(np.random.default_rng(1), MissionRobot(), 600.0)
+    profile = drive(np.random.default_rng(1), 600.0)
     assert np.median(profile.current_A[profile.current_A > -0.73]) == pytest.approx(-9.0 / 12.5)
     assert profile.current_A.min() < -3.0
 
@@ -56,11 +53,3 @@ def test_same_seed_same_day_other_seed_other_day():
     one, same, other = (robot_day(np.random.default_rng(seed), 5.0) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one.current_A, same.current_A)
     assert one.current_A.size != other.current_A.size or np.any(one.current_A != other.current_A)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("mass_kg", 0.0), ("efficiency", 65.0), ("regeneration", -0.1), ("speed_m_s", (0.0, 1.0))]
-)
-def test_impossible_robots_are_refused(name, value):
-    with pytest.raises(InputError, match=rf"robot\.{name} must be .*got"):
-        replace(MissionRobot(), **{name: value})
