@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 import battery_accuracy as battery
-from figure import HERE, Figure, verdict
+from figure import HERE, Figure, table
 
 Part = Callable[[], Iterator]
 PAGE, KEPT = HERE / "accuracy.md", HERE.parent / "build" / "accuracy"
@@ -24,7 +24,11 @@ TRACTION = (
     "observer_faults",
     "observer_noise",
     "odometry",
-    "traction_real",
+    "real_car",
+    "real_warthog",
+    "real_warthog_pose",
+    "real_husky",
+    "real_sand",
     "robotino",
     "slip_control",
     "range_accuracy",
@@ -97,7 +101,8 @@ def line(row: battery.Row | Figure) -> str:
     """A row for the terminal."""
     if isinstance(row, battery.Row):
         return battery.line(row)
-    return f"{row.data:55s} {row.method:40s} {row.quantity}: {row.value} {row.bar} {verdict(row.met)}"
+    data, method, quantity, value, bar, met = row.cells
+    return f"{data:55s} {method:40s} {quantity}: {value} {bar} {met}"
 
 
 def page(rows: Iterable[battery.Row | Figure]) -> str:
@@ -106,15 +111,8 @@ def page(rows: Iterable[battery.Row | Figure]) -> str:
     of_battery = [row for row in found if isinstance(row, battery.Row)]
     figures = [row for row in found if isinstance(row, Figure)]
     first = [INTRODUCTION, battery.INTRODUCTION, *battery.table(of_battery)]
-    return "\n".join([*first, "", TRACTION_INTRODUCTION, *table(figures), ""])
-
-
-def table(figures: Sequence[Figure]) -> list[str]:
-    """Figures in Markdown."""
-    lines = ["| data | method | quantity | value | to reach | |", "|---|---|---|---|---|---|"]
-    return lines + [
-        f"| {f.data} | {f.method} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures
-    ]
+    header = ("data", "method", "quantity", "value", "to reach", "")
+    return "\n".join([*first, "", TRACTION_INTRODUCTION, *table(header, [f.cells for f in figures]), ""])
 
 
 if __name__ == "__main__":

@@ -8,30 +8,27 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
 
+from figure import HERE, table
 from ohmward_lab.assess.study import STUDIES, assess
 from ohmward_lab.cli.assess.command import HEATS, Assessed, cost, grid, recommended, rule, worse
 
-HERE = Path(__file__).resolve().parent
 DONE = HERE.parent / "build" / "assess"
 PAGES = {"battery": HERE / "limits.md", "traction": HERE / "limits_traction.md"}
 RUNS, SEED = 12, 1
 
 
-def rows(header: Sequence[str], cells: Sequence[Sequence[str]]) -> Iterator[str]:
-    """A table in Markdown."""
-    yield f"| {' | '.join(header)} |\n|{'---|' * len(header)}\n"
-    yield from (f"| {' | '.join(row)} |\n" for row in cells)
-    yield "\n"
+def rows(header: Sequence[str], cells: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, and an empty line."""
+    return "\n".join([*table(header, cells), "", ""])
 
 
 def page(assessed: Assessed, time_of_all: str) -> Iterator[str]:
     """The recommendation, what does harm, then the figures of each subject, then the cost."""
     study, found = assessed.study, assessed.found
     yield f"{assessed.headline}, {time_of_all}.\n\n## Recommendation\n\n{rule(assessed)}.\n\n"
-    yield from rows(*recommended(assessed))
+    yield rows(*recommended(assessed))
     if said := worse(assessed):
         yield "".join(f"- {sentence}\n" for sentence in said) + "\n"
     for subject in dict.fromkeys(row.subject for row in found):
@@ -39,9 +36,9 @@ def page(assessed: Assessed, time_of_all: str) -> Iterator[str]:
         for heat in HEATS[study.name]:
             header, *cells = grid([row for row in found if row.subject == subject], heat.text)
             yield f"{heat.caption}:\n\n"
-            yield from rows(header, cells)
+            yield rows(header, cells)
     yield f"## Cost\n\nOperations of a step, for the {study.subject} that takes most.\n\n"
-    yield from rows(["method", "", "operations"], [row[:3] for row in cost(assessed)])
+    yield rows(["method", "", "operations"], [row[:3] for row in cost(assessed)])
 
 
 def main() -> None:

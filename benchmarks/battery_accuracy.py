@@ -15,6 +15,7 @@ import numpy as np
 
 import measured_cells as cells
 from figure import data_file, verdict
+from figure import table as markdown_table
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
@@ -193,17 +194,13 @@ def line(row: Row) -> str:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """The rows in Markdown, and what the methods are."""
-    lines = [
-        "| data | method | start | RMSE | MAE | max | coverage of 95 % | us/step | to reach | |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    header = ("data", "method", "start", "RMSE", "MAE", "max", "coverage of 95 %", "us/step", "to reach", "")
+    lines = []
     for row in rows:
         s, factor = row.score, 1000 if "voltage" in row.data else 100
+        errors = [f"{factor * error:.2f}" for error in (s.rmse, s.mae, s.max_error)]
         coverage = f"{100 * s.coverage_95:.0f} %" if np.isfinite(s.coverage_95) else ""
-        lines.append(
-            f"| {row.data} | {row.method} | {row.start} | {factor * s.rmse:.2f} | {factor * s.mae:.2f} "
-            f"| {factor * s.max_error:.2f} | {coverage} | {row.us_per_step:.0f} | {row.bar} | {verdict(row.met)} |"
-        )
+        lines.append((*row[:3], *errors, coverage, f"{row.us_per_step:.0f}", row.bar, verdict(row.met)))
     methods = [f"- `{DEFAULT}`: `gsf`"]
     methods += [f"- `{name}`: {choice.title}" for name, choice in (ESTIMATORS | published()).items()]
-    return [*lines, "", "Methods:", "", *methods]
+    return [*markdown_table(header, lines), "", "Methods:", "", *methods]

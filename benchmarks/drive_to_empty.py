@@ -25,7 +25,7 @@ import numpy as np
 
 import ohmward as ow
 from energy_world import DT_S, TERRAINS, Course, Record, World, draw_course, draw_day, draw_world, drive
-from figure import HERE, Figure, at_most, between, verdict
+from figure import HERE, Figure, at_most, between, table
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy import Consumption, Leg, begin_drive, prior_from_robot, start, with_terrain
 from ohmward.energy.discharge_end import DischargeEnd, end_along
@@ -388,9 +388,8 @@ def turning_second(home_probability: dict[int, float], promise: float) -> int:
 
 
 def page(drives: Sequence[Drive]) -> str:
-    lines = ["| drives | quantity | value | to reach | |", "|---|---|---|---|---|"]
-    lines += [f"| {f.data} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures(drives)]
-    return "\n".join([INTRODUCTION, *lines, ""])
+    rows = [(f.data, *f.cells[2:]) for f in figures(drives)]
+    return "\n".join([INTRODUCTION, *table(("drives", "quantity", "value", "to reach", ""), rows), ""])
 
 
 def figures(drives: Sequence[Drive]) -> Iterator[Figure]:

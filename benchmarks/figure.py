@@ -1,8 +1,9 @@
-"""One measured figure with its bar, and where the measured data are. `accuracy.py` and `lives.py` collect them."""
+"""One measured figure with its bar, tables of them, and where the measured data are."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,6 +31,11 @@ class Figure(NamedTuple):
     bar: str = ""
     met: bool | None = None
 
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Cells of a row: the line with the verdict in words."""
+        return (*self[:5], verdict(self.met))
+
 
 def at_most(data: str, method: str, quantity: str, value: float, bar: float | None = None, form: str = ".3g") -> Figure:
     """A figure that should not exceed its bar."""
@@ -55,9 +61,9 @@ def between(
     return Figure(data, method, quantity, f"{value:{form}}", f"{low:g} to {high:g}", low <= value <= high)
 
 
-def rms(errors: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(errors**2)))
+def rms(errors: Sequence[float] | np.ndarray) -> float:
+    """Root mean square; nan of nothing."""
+    return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else float("nan")
 
 
 def data_file(path: str) -> Path:
@@ -74,6 +80,12 @@ def data_file(path: str) -> Path:
 def verdict(met: bool | None) -> str:
     """Cell of the tables for a bar that was met or missed; empty without a bar."""
     return {True: "met", False: "**missed**", None: ""}[met]
+
+
+def table(header: Sequence[str], rows: Iterable[Iterable[object]]) -> list[str]:
+    """Lines of a table in Markdown."""
+    head, *lines = [f"| {' | '.join(map(str, cells))} |" for cells in (header, *rows)]
+    return [head, "|---" * len(header) + "|", *lines]
 
 
 def _judged(sign: str, bar: float | None, met: bool | None) -> tuple[str, bool | None]:

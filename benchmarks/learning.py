@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from figure import HERE, Figure, verdict
+from figure import table as markdown_table
 from learning_parts import Part, parts
 
 PAGE = HERE / "learning.md"
@@ -131,13 +132,13 @@ def page(wanted: Sequence[Part], found: dict[str, list[Figure] | None]) -> str:
 
 def summary(wanted: Sequence[Part], found: dict[str, list[Figure] | None]) -> list[str]:
     """Bars met by section."""
-    lines = ["| section | bars met |", "|---|---|"]
+    rows = []
     for section, introduction in SECTIONS.items():
         figures = [figure for part in wanted if part.section == section for figure in found[part.name] or ()]
         judged = [figure.met for figure in figures if figure.met is not None]
         title = introduction.splitlines()[0].removeprefix("## ")
-        lines.append(f"| {title} | {sum(judged)} of {len(judged)} |")
-    return lines
+        rows.append((title, f"{sum(judged)} of {len(judged)}"))
+    return markdown_table(("section", "bars met"), rows)
 
 
 def table(figures: Sequence[Figure], kept_out: bool) -> list[str]:
@@ -147,19 +148,14 @@ def table(figures: Sequence[Figure], kept_out: bool) -> list[str]:
     for data in dict.fromkeys(figure.data for figure in figures):
         of_data = [figure for figure in figures if figure.data == data]
         note = ", kept out of every choice of settings" if kept_out else ""
-        lines += [
-            "",
-            f"**{data}**{note}",
-            "",
-            f"| | {' | '.join(methods)} | to reach | |",
-            "|---" * (len(methods) + 3) + "|",
-        ]
+        rows = []
         for quantity in dict.fromkeys(figure.quantity for figure in of_data):
             values = {figure.method: figure for figure in of_data if figure.quantity == quantity}
             cells = [values[method].value if method in values else "" for method in methods]
             bars = [figure for figure in values.values() if figure.met is not None]
             bar, met = (bars[0].bar, bars[0].met) if bars else ("", None)
-            lines.append(f"| {quantity} | {' | '.join(cells)} | {bar} | {verdict(met)} |")
+            rows.append((quantity, *cells, bar, verdict(met)))
+        lines += ["", f"**{data}**{note}", "", *markdown_table(("", *methods, "to reach", ""), rows)]
     return lines
 
 

@@ -18,6 +18,7 @@ from functools import partial
 import lives_cases
 import lives_peers
 from figure import HERE, Figure, verdict
+from figure import table as markdown_table
 from lives_cells import CELLS
 from lives_health import health, health_table
 from lives_peers import PeerRow
@@ -128,17 +129,9 @@ def page(rows: Sequence[LifeRow], of_health: Sequence[Figure], beside: Sequence[
 def summary_table(rows: Sequence[LifeRow]) -> list[str]:
     """Each chemistry in one line: how many rows meet the bars, each and all, and the pooled band."""
     bars = ("RMSE", "covered", "plain filter", "4 sigma")
-    head = [
-        "",
-        "rows",
-        "all met",
-        *(f"{bar} met" for bar in bars),
-        "covered",
-        "error / sigma",
-        "> 4 sigma",
-        "pooled bars",
-    ]
-    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    head = ["", "rows", "all met", *(f"{bar} met" for bar in bars)]
+    head += ["covered", "error / sigma", "> 4 sigma", "pooled bars"]
+    lines = []
     for chemistry in dict.fromkeys(row.chemistry for row in rows):
         of_chemistry = [row for row in rows if row.chemistry == chemistry]
         missed = [missed_bars(row) for row in of_chemistry]
@@ -150,8 +143,8 @@ def summary_table(rows: Sequence[LifeRow]) -> list[str]:
             pooled_missed = ", ".join(missed_pooled_bars(found))
             word = f"{verdict(False)}: {pooled_missed}" if pooled_missed else verdict(True)
             cells = [chemistry, len(of_chemistry), missed.count(()), f"{counts[0]} of {judged}", *counts[1:]]
-            lines.append(f"| {' | '.join(map(str, [*cells, covered, ratio, beyond, word]))} |")
-    return lines
+            lines.append([*cells, covered, ratio, beyond, word])
+    return markdown_table(head, lines)
 
 
 def as_dict(row: LifeRow) -> dict:

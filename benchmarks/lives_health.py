@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from figure import Figure, at_least, at_most, verdict
+from figure import Figure, at_least, at_most, table
 from lives_cells import (
     CELLS,
     DAYS_AFTER,
@@ -39,8 +39,7 @@ def health() -> list[Figure]:
 
 def health_table(figures: list[Figure]) -> list[str]:
     """Figures in Markdown."""
-    lines = ["| cell | quantity | value | to reach | |", "|---|---|---|---|---|"]
-    return lines + [f"| {f.data} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures]
+    return table(("cell", "quantity", "value", "to reach", ""), [(f.data, *f.cells[2:]) for f in figures])
 
 
 def _of_cell(cell: LifeCell) -> Iterator[Figure]:

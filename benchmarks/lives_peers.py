@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import NamedTuple
@@ -12,22 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 import measured_cells as cells
+from figure import table as markdown_table
 from figure import verdict
-from lives_table import COVERAGE_BAR, FOUND_S, SETTLED_S
-from measured_lives import LOW, ONE_PERCENT, RIGHT, Start, short
+from lives_table import COVERAGE_BAR, FOUND_S, SETTLED_S, disturbed
+from measured_lives import LOW, ONE_PERCENT, RIGHT, TUE_SPLITS, Start, short
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.score import Score, score
 
-#: The records that identify, and those that are estimated.
-SPLITS = {
-    "nmc": (("identification_data",), ("drive_cycle_data",)),
-    "lfp": (("identification_data_first",), ("identification_data_second", "identification_data_third")),
-    "nmc_with_temperature": (
-        ("identification_data_1_6",),
-        ("identification_data_2_6", "identification_data_3_6", "identification_data_5_6"),
-    ),
-}
-
+#: For each cell, the records that identify, and those that are estimated.
+SPLITS = [TUE_SPLITS[k] for k in (0, 2, 5)]
 
 #: State of charge and its standard deviation, (T,) each.
 Estimate = tuple[np.ndarray, np.ndarray]
@@ -61,14 +53,15 @@ def rows() -> Iterator[PeerRow]:
     except ModuleNotFoundError as missing:
         print(f"PyBatterySE is not compared with: {missing}; pip install pybatteryse", file=sys.stderr)
         return
-    for cell, (tests, records) in SPLITS.items():
+    for cell, tests, records in SPLITS:
         battery = cells.tue_battery(cell, *tests)
         for record in records:
             recording = cells.tue(cell, record)
             words = f"TUE {cell}".replace("_", " "), " + ".join(map(short, tests)), short(record)
             fifty_mA = Start("right, +50 mA", offset_C=0.05 / battery.capacity_Ah)
             for start in (RIGHT, LOW, fifty_mA, ONE_PERCENT):
-                log, told = _sensed(recording, start, battery.capacity_Ah)
+                log = disturbed(recording.log, start.offset_C * battery.capacity_Ah)
+                told = float(np.clip(recording.truth[0] + (start.error or 0.0), 0.0, 1.0))
                 run = SocEstimator(battery, told).run(log).estimates
                 ours = _scored(run.soc, run.soc_std, recording, start)
                 theirs = _theirs(partial(peer.estimate, cell, tests, log, told), recording, start)
@@ -83,12 +76,6 @@ def _theirs(estimate: Callable[[], Estimate], recording: cells.Recording, start:
         return f"KeyError: {missing}"
 
 
-def _sensed(recording: cells.Recording, start: Start, capacity_Ah: float) -> tuple[cells.Log, float]:
-    """The log as the sensor gives it, and the state of charge that an estimator is told."""
-    log = replace(recording.log, current_A=recording.log.current_A + start.offset_C * capacity_Ah)
-    return log, float(np.clip(recording.truth[0] + (start.error or 0.0), 0.0, 1.0))
-
-
 def _scored(soc: np.ndarray, std: np.ndarray, recording: cells.Recording, start: Start) -> Score:
     """RMSE of a right start from the beginning, of others after FOUND_S; the band after SETTLED_S."""
     since_s = recording.log.time_s - recording.log.time_s[0]
@@ -101,22 +88,12 @@ def _scored(soc: np.ndarray, std: np.ndarray, recording: cells.Recording, start:
 
 def table(found: Sequence[PeerRow]) -> list[str]:
     """The rows in Markdown."""
-    lines = [
-        "| cell | identified from | record | start | default: RMSE | covered | PyBatterySE: RMSE | covered | |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    header = ("cell", "identified from", "record", "start", "default: RMSE", "covered", "PyBatterySE: RMSE", "covered")
+    rows = []
     for row in found:
         theirs = (row.theirs, "") if isinstance(row.theirs, str) else _figures(row.theirs)
-        cells_of_row = (*row[:4], *_figures(row.ours), *theirs, verdict(row.met))
-        lines.append(f"| {' | '.join(cells_of_row)} |")
-    return lines
-
-
-def line(row: PeerRow) -> str:
-    """A row for the terminal."""
-    theirs = row.theirs if isinstance(row.theirs, str) else " ".join(_figures(row.theirs))
-    ours = " ".join(_figures(row.ours))
-    return f"{row.cell} from {row.tested}, {row.record}, {row.start}: {ours}, PyBatterySE {theirs} {verdict(row.met)}"
+        rows.append((*row[:4], *_figures(row.ours), *theirs, verdict(row.met)))
+    return markdown_table((*header, ""), rows)
 
 
 def _figures(found: Score) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from figure import table as markdown_table
 from figure import verdict
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
@@ -60,7 +61,6 @@ def life_row(
     *,
     rmse_bar: float | None = None,
     kept_out: bool = False,
-    idle_current_A: float | None = None,
     methods: Sequence[str] = METHODS,
     settled_s: float = SETTLED_S,
 ) -> LifeRow:
@@ -74,7 +74,7 @@ def life_row(
     since_s = log.time_s - log.time_s[0]
     late = since_s >= (0.0 if right else min(FOUND_S, 2 * settled_s))
     known = available(battery, with_published=True)
-    settings = EstimatorSettings(battery.idle_current_A if idle_current_A is None else idle_current_A)
+    settings = EstimatorSettings(battery.idle_current_A)
     bands: dict[str, Score | None] = dict.fromkeys(methods)
     errors: dict[str, Score | None] = dict.fromkeys(methods)
     for method in (method for method in methods if chosen_name(method) in known):
@@ -84,9 +84,9 @@ def life_row(
     return LifeRow(chemistry, cell, tested, life, bands, errors, rmse_bar, kept_out)
 
 
-def disturbed(log: Log, offset_A: float = 0.0, gain: float = 0.0) -> Log:
-    """The log as a current sensor with this offset [A] and this error of its gain would have recorded it."""
-    return replace(log, current_A=(1.0 + gain) * log.current_A + offset_A)
+def disturbed(log: Log, offset_A: float) -> Log:
+    """The log as a current sensor with this offset would have recorded it."""
+    return replace(log, current_A=log.current_A + offset_A)
 
 
 def missed_bars(row: LifeRow) -> tuple[str, ...]:
@@ -169,16 +169,14 @@ def markdown(row: LifeRow) -> str:
 
 def pooled_table(rows: Sequence[LifeRow]) -> list[str]:
     """All rows of a chemistry together, for every method."""
-    lines = [
-        "| all of these | RMSE | covered | interval | error / sigma | > 4 sigma | |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows_of_methods = []
     for method in METHODS:
         if (found := pooled(rows, method)) is not None:
             missed = missed_pooled_bars(found) if method == DEFAULT else None
             word = "" if missed is None else "met" if not missed else f"{verdict(False)}: {', '.join(missed)}"
-            lines.append("| " + " | ".join([f"`{method}`", *figures(found), word]) + " |")
-    return lines
+            rows_of_methods.append((f"`{method}`", *figures(found), word))
+    header = ("all of these", "RMSE", "covered", "interval", "error / sigma", "> 4 sigma", "")
+    return markdown_table(header, rows_of_methods)
 
 
 def figures(found: Score | None) -> list[str]:

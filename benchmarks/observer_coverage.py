@@ -77,8 +77,3 @@ def figures(name: str, mean: np.ndarray) -> Iterator[Figure]:
     yield at_least(data, method, "slip in its 95 % band", found.slip, COVERED, ".1%")
     yield at_most(data, method, "speed RMSE [mm/s]", 1e3 * found.rmse_m_s)
     yield at_most(data, method, "standard deviation of the speed, RMS [mm/s]", 1e3 * found.std_m_s)
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(*row, sep=" | ", flush=True)

@@ -86,8 +86,3 @@ def held(values: np.ndarray) -> np.ndarray:
     """The values (T,) with the last number in place of nan."""
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
     return values[last]
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(*row, sep=" | ", flush=True)

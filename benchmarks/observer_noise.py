@@ -1,4 +1,4 @@
-"""Adaptive filters of speed where the noise they were given is wrong: `python benchmarks/observer_noise.py` shows it.
+"""Adaptive filters of speed where the noise they were given is wrong: `python benchmarks/accuracy.py observer_noise`.
 
 The robot in MuJoCo changes its speed and turns on a floor that grips. One of its sensors has white noise, and the
 filter was given a tenth to ten times as much. Beside each AUKF stands the UKF with the same noise; errors are over
@@ -120,8 +120,3 @@ def truth(seed: int) -> RobotTruth:
         return np.clip(12.0 * (min(target, 0.5 * now.time_s) - now.speed_m_s), -4.0, 4.0) + turn
 
     return runs.drive_on(FRICTION, GRADE_STD_RAD * rng.standard_normal(), torque_Nm, DURATION_S)
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(*row, sep=" | ", flush=True)

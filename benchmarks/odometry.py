@@ -230,8 +230,3 @@ def _position(speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray) -> np.ndarray:
     turned = yaw_rate_rad_s * DT_S
     middle = np.cumsum(turned) - turned / 2
     return DT_S * np.array([speed_m_s @ np.cos(middle), speed_m_s @ np.sin(middle)])
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(row)

@@ -23,13 +23,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from figure import HERE, Figure, at_least, at_most, verdict
+from figure import HERE, Figure, at_least, at_most, table
 from on_board_day import RATE, drive_a_day, growth
 from on_board_fuzz import LISTENERS, Fuzzed, fuzz
 from on_board_http import fuzz_http
@@ -218,14 +217,12 @@ def kept_before() -> dict[str, Measured]:
 
 def page(found: dict[str, Measured]) -> str:
     """The page as text."""
-    head = ("| | by | | measured | bar | |", "|---|---|---|---|---|---|")
-    figures = chain.from_iterable(part.rows for part in found.values())
-    lines = [f"| {f.data} | {f.method} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures]
+    rows = [figure.cells for part in found.values() for figure in part.rows]
     title = ("# The process on the robot", "", "Written by `make soak`, on a machine that does nothing else.", "")
     times = ", ".join(f"{name} {part.day} ({part.minutes:.1f} min)" for name, part in found.items())
     missing = ", ".join(name for name in PARTS if name not in found)
     foot = ("", f"Measured: {times}.", *([f"Not measured: {missing}."] if missing else []))
-    return "\n".join((*title, *head, *lines, *foot)) + "\n"
+    return "\n".join((*title, *table(("", "by", "", "measured", "bar", ""), rows), *foot)) + "\n"
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:

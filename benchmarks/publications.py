@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-from figure import DATA
+from figure import DATA, HERE, table
 from ohmward_lab.cli.reproduce.command import HEADER, cells
 from ohmward_lab.reproduce.measured import nmc_item
 from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, label, select
 from ohmward_lab.reproduce.thesis_observer import AUKF, AUKF_T, DRIVES, STARTS, UKF, drives_of, errors_of, pictures
 from svg import to_svg
 
-HERE = Path(__file__).resolve().parent
 PAGE, OBSERVERS = HERE / "publications.md", HERE / "dissertation.md"
 PICTURES = HERE.parent / "docs" / "pictures"
 TABLE = """| drive | noise at first | filter | v [mm/s] | omega [rad/s] | slip [mm/s] | yaw rate [mrad/s] | NEES of v |
@@ -33,9 +31,7 @@ def lines(publication: Publication) -> Iterator[str]:
         print(f"{publication.short} {label(item)}: {item.title}", file=sys.stderr, flush=True)
         rows = item.make().rows
         yield f"\n**{label(item)}: {item.title}**\n\n"
-        yield f"| {' | '.join(HEADER)} |\n|{'---|' * len(HEADER)}\n"
-        for row in rows:
-            yield f"| {' | '.join(cell.replace('|', ' ') for cell in cells(row))} |\n"
+        yield "\n".join([*table(HEADER, [[cell.replace("|", " ") for cell in cells(row)] for row in rows]), ""])
         reasons = list(dict.fromkeys(row.why for row in rows if row.why))
         if reasons:
             yield "\n" + "".join(f"- {reason}.\n" for reason in reasons)

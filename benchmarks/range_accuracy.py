@@ -218,8 +218,3 @@ def within(method: str, hits: np.ndarray, quantity: str, tolerance: float, aim: 
     share = 100 * float(np.mean(hits))
     met = abs(share - aim) <= tolerance
     yield Figure(PLANT, method, quantity, f"{share:.1f}", f"{aim:g} ± {tolerance:g}", met)
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(row)

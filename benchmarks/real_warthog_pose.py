@@ -109,8 +109,3 @@ def by_wheels(windows: Windows, robot: Robot) -> Moved:
     middle = yaw - turned / 2.0
     chord = np.hypot(np.sum(way_m * np.cos(middle), axis=1), np.sum(way_m * np.sin(middle), axis=1))
     return Moved(chord, yaw[:, -1], np.full(len(chord), np.nan))
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(row)

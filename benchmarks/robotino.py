@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import DATA, Figure, at_least, at_most, data_file, rms
+from figure import Figure, at_least, at_most, data_file, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import read_drive
 from ohmward.traction import ROBOTINO, Robot
@@ -384,9 +384,3 @@ def crossing_times(time_s: np.ndarray, beyond_m: np.ndarray) -> list[float]:
                 times.append(float(passed))
                 side = np.sign(now)
     return sorted(times)
-
-
-if __name__ == "__main__":
-    print(f"data in {DATA}")
-    for row in rows():
-        print(" | ".join(str(v) for v in row))

@@ -32,10 +32,11 @@ import fleet_speed
 import machine_speed
 import peers
 import scaling
+from figure import table
 from observer_speed import step_times
 from peers.battery_packages import battery_packages
 from svg import to_svg
-from timing import Goal, Picture, Section, Times, duration, goal_rows, page, spread, table, wall
+from timing import Goal, Picture, Section, Times, duration, goal_rows, page, spread, wall
 
 PAGE = Path(__file__).resolve().parent / "speed.md"
 PICTURES = PAGE.parents[1] / "docs" / "pictures"

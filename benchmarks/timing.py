@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from typing import NamedTuple, TypeVar
 
+from figure import table, verdict
 from ohmward.report import Figure
 
 K = TypeVar("K", bound=Hashable)
@@ -150,13 +151,6 @@ def quantity(value: float, unit: str) -> str:
     return words[unit](value) if unit in words else f"{_digits(value)} {unit}"
 
 
-def table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """Lines of Markdown."""
-    header = tuple(header)
-    lines = [header, ("---",) * len(header), *rows]
-    return [f"| {' | '.join(line)} |" for line in lines]
-
-
 def page(section: Section) -> list[str]:
     """A section as lines of Markdown."""
     lines = [f"## {section.title}", "", section.text, "", *table(section.header, section.rows), ""]
@@ -172,7 +166,7 @@ def goal_rows(goals: Iterable[Goal]) -> list[tuple[str, ...]]:
             g.what,
             quantity(g.value, g.unit),
             f"{'at most' if g.most else 'at least'} {quantity(g.bar, g.unit)}",
-            "met" if g.met else "**missed**",
+            verdict(g.met),
         )
         for g in goals
     ]

@@ -143,8 +143,3 @@ def energy_balance() -> Iterator[Figure]:
     throughput = np.sum(abs(energy.electrical) + energy.losses + abs(energy.kinetic))
     defect = float(np.sum(abs(energy.residual)) / throughput)
     yield at_most("own plant, 10 s", "ALEXANDER", "defect of the energy balance over the throughput", defect, 1e-9)
-
-
-if __name__ == "__main__":
-    for row in rows():
-        print(row)
