@@ -17,7 +17,6 @@ from learning_score import (
     LIVE,
     TESTED,
     Errors,
-    Recording,
     error_figures,
     errors,
     pooled,
@@ -40,6 +39,7 @@ from lives_cells import (
 )
 from lives_health import pulse_ohm
 from lives_table import SETTLED_S
+from measured_cells import Recording
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.fold import ocv_std_V

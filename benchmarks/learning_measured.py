@@ -11,15 +11,13 @@ import numpy as np
 import pyarrow.parquet as parquet
 
 import measured_cells as cells
-from figure import Figure, at_most, between, data_file
+from figure import Figure, at_most, between, data_file, rms
 from learning_score import (
     LABEL,
     LEARNT,
     LIVE,
-    Recording,
     error_figures,
     errors,
-    rms,
     without_truth,
 )
 from measured_lives import TRIP_SETTLE_S, TUE_SPLITS, short
@@ -62,7 +60,7 @@ def tue_figures(split: int, battery: Battery, method: str, bar: float | None) ->
     """Errors on the records of a split that teach nothing."""
     cell, tests, others = TUE_SPLITS[split]
     data = f"TUE {cell}: {' + '.join(map(short, tests))}, then {' and '.join(map(short, others))}".replace("_", " ")
-    recordings = [Recording(*cells.tue(cell, record)) for record in others]
+    recordings = [cells.tue(cell, record) for record in others]
     for words, start in STARTS.items():
         yield from error_figures(data, method, words, errors(battery, recordings, start), bar)
 
@@ -87,7 +85,7 @@ def tue(split: int) -> Iterator[Figure]:
 
 def splits() -> dict[str, Split]:
     """Cells with records at several temperatures: those at one of them teach."""
-    nca, lfp = cells.label("nca", cells.PANASONIC_AH), cells.label("lfp", cells.A123_AH)
+    nca, lfp = generic_battery("nca", cells.PANASONIC_AH), generic_battery("lfp", cells.A123_AH)
     mixed, highway = partial(cells.panasonic, "25degC_Cycle_1"), partial(cells.panasonic, "25degC_HWFTa")
     cool, cold = partial(cells.panasonic, "0degC_Cycle_1"), partial(cells.panasonic, "n10degC_US06")
     colder = {"0 degC": cool, "-10 degC": cold}
@@ -102,7 +100,8 @@ def splits() -> dict[str, Split]:
         judge = {words: drive for words, drive in drives.items() if words != f"{degC} degC"}
         found[f"A123 LFP: drive and charge at {degC} degC"] = Split(lfp, teach, judge)
     pouch = {f"{degC} degC": partial(cells.ornl, degC) for degC in (40, 10)}
-    found["Leaf NMC: pulses at 25 degC"] = Split(cells.label("nmc", cells.ORNL_AH), (partial(cells.ornl, 25),), pouch)
+    leaf = generic_battery("nmc", cells.ORNL_AH)
+    found["Leaf NMC: pulses at 25 degC"] = Split(leaf, (partial(cells.ornl, 25),), pouch)
     return found
 
 
@@ -110,7 +109,7 @@ def split_figures(name: str, battery: Battery, method: str, bar: float | None) -
     """Errors on the recordings of a split that judge."""
     for degC, recording in splits()[name].judge.items():
         for words, start in STARTS.items():
-            found = errors(battery, [Recording(*recording())], start)
+            found = errors(battery, [recording()], start)
             yield from error_figures(name, method, f"at {degC}, {words}", found, bar)
 
 
@@ -135,7 +134,7 @@ def i3_figures(battery: Battery, method: str, bar: float | None) -> Iterator[Fig
     """Errors on the trips that teach nothing, in summer and in winter."""
     others = [trip for trip in i3_trips() if trip not in cells.I3_KNOWN]
     for season, begins in (("summer", SUMMER), ("winter", WINTER)):
-        recordings = [Recording(*cells.i3(trip)) for trip in others if trip.startswith(begins)]
+        recordings = [cells.i3(trip) for trip in others if trip.startswith(begins)]
         found = errors(battery, recordings, None, TRIP_SETTLE_S, TRIP_SETTLE_S)
         data = f"BMW i3, {len(recordings)} other trips in {season}"
         yield from error_figures(data, method, "start unknown", found, bar)
@@ -262,10 +261,9 @@ def bboxx_figures(battery: Battery, method: str, bar: float | None) -> Iterator[
         yield from error_figures(_BBOXX, method, words, errors(battery, bboxx_recordings(), start), bar)
 
 
-def bboxx_recordings() -> list[Recording]:
+def bboxx_recordings() -> list[cells.Recording]:
     """Discharges from full to the cut-off that lie after the days that teach."""
-    discharges = [Recording(*discharge) for discharge in cells.vrla_discharges()]
-    return [part for part in discharges if part.log.time_s[0] >= VRLA_LEARNT_DAYS * _DAY_S]
+    return [part for part in cells.vrla_discharges() if part.log.time_s[0] >= VRLA_LEARNT_DAYS * _DAY_S]
 
 
 def before_bboxx() -> Iterator[Figure]:

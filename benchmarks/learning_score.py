@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from lives_table import FOUND_S, SETTLED_S
+from measured_cells import Recording
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.soc.estimator import SocEstimator
@@ -20,13 +21,6 @@ from ohmward.logs import Log
 #: Who made the file that is scored.
 LABEL, LIVE, TESTED, LEARNT = "label", "label, filter runs on", "full test", "learn"
 COVERAGE_BAR = 90.0
-
-
-class Recording(NamedTuple):
-    """A log and its true state of charge (T,), nan where it is not known."""
-
-    log: Log
-    truth: np.ndarray
 
 
 class Errors(NamedTuple):
@@ -102,13 +96,3 @@ def value_figures(
     yield at_most(data, method, f"error of the {name}, %", float(100 * abs(error) / truth), bar, ".1f")
     most = None if bar is None else BAND_95
     yield at_most(data, method, f"error of the {name}, sigmas", float(abs(error) / found.std), most, ".2f")
-
-
-def rms(values: Sequence[float] | np.ndarray) -> float:
-    """Root mean square; nan of nothing."""
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
-
-
-def by_name(recordings: Iterable[Recording]) -> Mapping[str, Recording]:
-    """Recordings by the names of their logs."""
-    return {recording.log.name: recording for recording in recordings}

@@ -5,7 +5,6 @@ Which tests a user had is the name of the battery; the recordings are never amon
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -15,7 +14,6 @@ import pyarrow.parquet as parquet
 
 from figure import data_file
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.battery.identification.record import count_charge
 from ohmward.battery.models.ocv import OcvCurve
@@ -224,9 +222,7 @@ def vrla_battery() -> Battery:
 
 def vrla() -> Recording:
     """The third discharge: counted from full to the cut-off at its lowest voltage."""
-    log = _vrla_log(47.0, 57.5)
-    charge_Ah = log.charge_Ah()
-    return Recording(log, np.minimum(1 - charge_Ah / charge_Ah[np.argmin(log.voltage_V)], 1.0))
+    return vrla_discharges()[2]
 
 
 def _vrla_log(from_h: float, to_h: float) -> Log:
@@ -286,9 +282,9 @@ def full_discharge(log: Log) -> np.ndarray:
     return np.where(np.arange(len(moved_Ah)) <= empty, 1 - moved_Ah / moved_Ah[empty], np.nan)
 
 
-def i3_battery(trips: Sequence[str] = I3_KNOWN) -> Battery:
+def i3_battery() -> Battery:
     """From trips alone, whose first state of charge is the car's."""
-    logs = [i3(trip) for trip in trips]
+    logs = [i3(trip) for trip in I3_KNOWN]
     starts = {log.name: float(truth[0]) for log, truth in logs}
     return identify([log for log, _ in logs], capacity_Ah=I3_AH, chemistry="nmc", n_series=I3_CELLS, initial_soc=starts)
 
@@ -305,8 +301,3 @@ def calce() -> Recording:
     """DST profile from 80 %; the authors' count is the truth."""
     log = _table("calce_inr18650_20r/DST_25C_80SOC.parquet")
     return Recording(log, log.extra["soc"])
-
-
-def label(chemistry: str, capacity_Ah: float, n_series: int = 1) -> Battery:
-    """What the label says, and no test."""
-    return generic_battery(chemistry, capacity_Ah, n_series)

@@ -19,6 +19,7 @@ import measured_cells as cells
 from lives_table import SETTLED_S, LifeRow, disturbed, life_row
 from measured_cells import Recording
 from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import generic_battery
 from ohmward.errors import InputError
 
 #: Largest RMSE from a right start, by temperature of the life: near 25, 5 and -10 degC ("life beyond the test bench").
@@ -121,7 +122,7 @@ def a123() -> Iterator[Case]:
     tests = {
         "low rate and drive at 25 degC": (_once(cells.a123_battery, 25), ONE_TEMPERATURE["lfp"]),
         "low rate and drive at 25 and 5 degC": (_once(cells.a123_battery, 25, 5), TWO_TEMPERATURES),
-        "label": (_once(cells.label, "lfp", cells.A123_AH), None),
+        "label": (_once(generic_battery, "lfp", cells.A123_AH), None),
     }
     for tested, (battery, bars) in tests.items():
         for degC in (45, 25, 5, -15):
@@ -146,7 +147,7 @@ def panasonic() -> Iterator[Case]:
             _once(cells.panasonic_battery, 25, 10, 0, counter=False),
             TWO_TEMPERATURES,
         ),
-        "label": (_once(cells.label, "nca", cells.PANASONIC_AH), None),
+        "label": (_once(generic_battery, "nca", cells.PANASONIC_AH), None),
     }
     lives = (("25degC_Cycle_1", 25), ("25degC_HWFTa", 25), ("0degC_Cycle_1", 0), ("n10degC_US06", -10))
     for tested, (battery, bars) in tests.items():
@@ -207,7 +208,7 @@ def others() -> Iterator[Case]:
             yield Case(
                 "nmc", "Leaf pouch", tested, f"pulses at {degC} degC", battery, partial(cells.ornl, degC), rmse_bar=bar
             )
-    yield Case("nmc", "Samsung 20R", "label", "DST at 25 degC", _once(cells.label, "nmc", 2.0), cells.calce)
+    yield Case("nmc", "Samsung 20R", "label", "DST at 25 degC", _once(generic_battery, "nmc", 2.0), cells.calce)
     vrla = _once(cells.vrla_battery)
     bar = ONE_TEMPERATURE["lead-acid"][0]
     yield Case("lead-acid", "BBOXX", "two discharges", "third discharge", vrla, cells.vrla, rmse_bar=bar)
@@ -216,14 +217,14 @@ def others() -> Iterator[Case]:
 def ageing() -> Iterator[Case]:
     """Cells over weeks from their label; the truth is that of full discharges, whose ends differ by some points."""
     for cell in ("B0025", "B0027", "B0029", "B0031"):
-        label = _once(cells.label, "nca", cells.NASA_AH)
+        label = _once(generic_battery, "nca", cells.NASA_AH)
         yield Case("nca over weeks", f"NASA {cell}", "label", "weeks", label, partial(cells.nasa, cell), (UNKNOWN,))
 
 
 def car() -> Iterator[Case]:
     """A car's battery from its label and from eight trips; the truth is what the car shows, an estimate as well."""
     tests = {
-        "label": _once(cells.label, "nmc", cells.I3_AH, cells.I3_CELLS),
+        "label": _once(generic_battery, "nmc", cells.I3_AH, cells.I3_CELLS),
         "eight other trips": _once(cells.i3_battery),
     }
     for tested, battery in tests.items():

@@ -14,11 +14,10 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
-STEPS, REPEATS, ROUNDS, UPDATES = 5_000, 7, 200_000, 2_000
+STEPS, REPEATS, ROUNDS = 5_000, 7, 200_000
 FLOOR = scene(RLMA, Terrain("rubber", WardIagnemma(0.7, 20.0), RollingResistance(), "[T] 4.3"))
 OBSERVERS = {
     "four-state AUKF of [T], faults handled": SpeedObserver(FLOOR, KNOWN_GROUND, matching=True),
@@ -51,31 +50,6 @@ def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
         yield StepTime(name, step, len(kernel.program.nodes), ratio * ROUNDS / STEPS / 1000)
 
 
-class LiveTime(NamedTuple):
-    """Seconds of one `SlipEstimator.step`."""
-
-    name: str
-    lowering: str
-    seconds: float
-
-
-def live_times() -> Iterator[LiveTime]:
-    """Of every observer, with NumPy alone and in machine code."""
-    for name, observer in OBSERVERS.items():
-        columns = drive(observer)
-        samples = [RobotSample(*(np.asarray(c)[k] for c in columns)) for k in range(UPDATES)]
-        for lowering in ("python", "machine"):
-            estimator = SlipEstimator(observer, lowering)
-            estimator.step(samples[0])
-            live = partial(_update, estimator, samples)
-            yield LiveTime(name, lowering, min(seconds(live) for _ in range(REPEATS)) / UPDATES)
-
-
-def _update(estimator: SlipEstimator, samples: list[RobotSample]) -> None:
-    for sample in samples:
-        estimator.step(sample)
-
-
 def drive(observer: SpeedObserver) -> RobotSample:
     """Encoders and currents of a robot between 2 and 4 rad/s."""
     rng, t = np.random.default_rng(0), 0.01 * np.arange(STEPS)
@@ -100,10 +74,3 @@ def seconds(run: Callable[[], object]) -> float:
     began = time.process_time()
     run()
     return time.process_time() - began
-
-
-if __name__ == "__main__":
-    for row in step_times():
-        print(f"{row.name}: {1e6 * row.seconds:.1f} us, {row.operations} operations, {row.rounds_1000:.2f} k rounds")
-    for live in live_times():
-        print(f"{live.name}: update() in {live.lowering}, {1e6 * live.seconds:.1f} us")
