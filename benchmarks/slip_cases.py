@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.report import TIME, Figure, Series
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
-from ohmward_lab.simulate.mujoco_plant import switching
+from ohmward_lab.simulate.mujoco_plant import RlmaPlant, switching
 from slip_loops import DRAG, LIMITS, WHEEL, WIDER, Observed, Sensors, Stepper, observed_run
 from svg import to_svg
 
@@ -55,8 +55,8 @@ def drive(case: Case, raw: bool) -> Observed:
     def step(time_s: float, m: Measurement) -> np.ndarray:
         return driving(time_s, m) if time_s < case.switch_s else braking(time_s, m)
 
-    ground = switching([case.switch_s], [NORMAL, SLIPPERY])
-    return observed_run(step, ground, case.end_s, SENSORS, SEED, DRAG, raw)
+    plant = RlmaPlant(DRAG, switching([case.switch_s], [NORMAL, SLIPPERY]))
+    return observed_run(step, plant, case.end_s, SENSORS, SEED, raw)
 
 
 def case_rows() -> Iterator[str]:

@@ -16,7 +16,7 @@ from ohmward.traction.control import (
     SpeedController,
     WheelSpeedDrive,
 )
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from slip_cases import case_rows
@@ -97,7 +97,7 @@ def with_estimate(sensors: Sensors, friction: float) -> list[Tracking]:
     """From rest with the observer's speed and force fed back, once for each seed."""
     controller = SlipController(WHEEL, WIDER, LIMITS)
     runs = [
-        observed_run(Stepper(controller, hold), uniform(friction), 1.5, sensors, seed, RlmaParameters())
+        observed_run(Stepper(controller, hold), RlmaPlant(RlmaParameters(), uniform(friction)), 1.5, sensors, seed)
         for seed in SEEDS
     ]
     return [tracking(o.truth, TARGET, 0.5) for o in runs]

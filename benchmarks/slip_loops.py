@@ -229,11 +229,10 @@ def age_s(before: RobotTruth, now: RobotTruth, wheel: int, angle_rad: float, way
 
 
 class Observed(NamedTuple):
-    """Truth over time, what the observer said (T,), and the slip that the controller was given (T,)."""
+    """Truth over time, and what the observer said (T,)."""
 
     truth: RobotTruth
     estimate: MomentumEstimate
-    slip_ratio: np.ndarray
 
 
 def from_estimate(e: MomentumEstimate) -> Measurement:
@@ -257,33 +256,34 @@ class Raw:
 
 def observed_run(
     step: Callable[[float, Measurement], np.ndarray],
-    ground: Ground,
+    plant: Any,
     duration_s: float,
     sensors: Sensors,
     seed: int,
-    p: RlmaParameters,
     raw: bool = False,
+    resting: RobotTruth | None = None,
 ) -> Observed:
-    """A second at rest, then `step` for `duration_s`: (time, measurement) -> torque (2,). Time 0 is the start."""
+    """A second at rest, then `step` for `duration_s`: (time, measurement) -> torque (2,). Time 0 is the start.
+
+    plant: is reset.  resting: what the sensors feel at rest, where that differs from the plant's first truth.
+    """
     watch, observe = observer(sensors)
-    plant, board, direct = RlmaPlant(p, ground), Board(sensors, seed), Raw(sensors)
+    board, direct = Board(sensors, seed), Raw(sensors)
     truth, blank = plant.reset(), watch.no_sample()
     state, board.before = watch.init(), np.floor(board.phase)
     for _ in range(round(REST_S / DT)):
-        state, e = observe(state, board.sample(truth, np.zeros(2), blank))
+        state, e = observe(state, board.sample(resting or truth, np.zeros(2), blank))
     m = direct.measurement(blank._replace(turned_rad=np.zeros(4))) if raw else from_estimate(e)
-    truths, estimates, slips = [truth], [e], [math.nan]
+    truths, estimates = [truth], [e]
     for _ in range(round(duration_s / DT)):
         torque = step(truth.time_s, m)
         truth = plant.step(torque, DT)
         sample = board.sample(truth, torque, blank)
         state, e = observe(state, sample)
         m = direct.measurement(sample) if raw else from_estimate(e)
-        rim, v = WHEEL.radius_m * m.wheel_speed_rad_s[0], m.travel_speed_m_s[0]
         truths.append(truth)
         estimates.append(e)
-        slips.append((rim - v) / max(abs(rim), abs(v), 0.02))
-    return Observed(stack(truths), MomentumEstimate(*map(np.array, zip(*estimates, strict=True))), np.array(slips))
+    return Observed(stack(truths), stack(estimates))
 
 
 class Stepper:

@@ -17,26 +17,23 @@ import numpy as np
 from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction import RLMA, Terrain
-from ohmward.traction.control import SlipCommand, SlipController
+from ohmward.traction.control import Measurement, SlipCommand, SlipController
 from ohmward.traction.friction.law import Burckhardt
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
-from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.compared_slip_laws import SlipPid
 from slip_loops import (
     COASTED_DOWN,
     DT,
     LIMITS,
-    REST_S,
     WHEEL,
     WIDER,
-    Board,
     Sensors,
     Stepper,
-    from_estimate,
-    observer,
+    observed_run,
     tracking,
 )
 
@@ -81,21 +78,15 @@ class Held(NamedTuple):
 
 def held(law: Any, launch: float, tyre: str, friction: float, sensors: Sensors, seed: int, spin_s: float) -> Held:
     """One run on the observer's estimate."""
-    watch, observe = observer(sensors)
-    plant, board = plant_of(tyre, friction), Board(sensors, seed)
-    truth, blank = plant.reset(), watch.no_sample()
-    state, board.before = watch.init(), np.floor(board.phase)
-    for _ in range(round(REST_S / DT)):
-        state, e = observe(state, board.sample(truth, np.zeros(2), blank))
     control = Stepper(SlipController(WHEEL, law, LIMITS, launch=launch), lambda _: SlipCommand(TARGET))
     spinning = round(spin_s / DT)
-    truths = []
-    for k in range(spinning + round(DRIVE_S / DT)):
-        torque = np.full(2, LIMITS.torque_Nm) if k < spinning else control((k - spinning) * DT, from_estimate(e))
-        truth = plant.step(torque, DT)
-        state, e = observe(state, board.sample(truth, torque, blank))
-        truths.append(truth)
-    driven = stack(truths[spinning:])
+
+    def step(time_s: float, m: Measurement) -> np.ndarray:
+        k = round(time_s / DT)
+        return np.full(2, LIMITS.torque_Nm) if k < spinning else control((k - spinning) * DT, m)
+
+    truth = observed_run(step, plant_of(tyre, friction), spin_s + DRIVE_S, sensors, seed).truth
+    driven = RobotTruth(*(column[spinning + 1 :] for column in truth))
     driven = driven._replace(time_s=driven.time_s - spin_s)
     change = np.diff(driven.torque_N_m[:, 0])
     settled_s = tracking(driven, TARGET, SPIN_S).settled_s
@@ -192,25 +183,21 @@ def claim(passive: bool) -> Claim:
 
 def jumping(sensors: Sensors, friction: float, rng: np.random.Generator, seed: int) -> np.ndarray:
     """(T, 2) error and standard deviation of the speed under torques that jump four times a second."""
-    watch, observe = observer(sensors)
     grade = rng.uniform(-0.1, 0.1)
     parameters = replace(RlmaParameters(), mass_kg=rng.uniform(0.7, 1.3) * RLMA.mass_kg)
-    plant, board = RlmaPlant(parameters, uniform(friction, grade)), Board(sensors, seed)
+    plant = RlmaPlant(parameters, uniform(friction, grade))
     turning = rng.choice([0.0, 0.4]) * np.array([-1.0, 1.0])
     torques = rng.uniform(-3.0, 8.0, 8)
-    truth, blank = plant.reset(), watch.no_sample()
-    state, board.before = watch.init(), np.floor(board.phase)
-    resting = truth._replace(specific_force_m_s2=np.array([GRAVITY * math.sin(grade), 0.0, GRAVITY * math.cos(grade)]))
-    for _ in range(round(REST_S / DT)):
-        state, e = observe(state, board.sample(resting, np.zeros(2), blank))
-    rows = []
-    for k in range(2000):
-        torque = torques[k // 250] * (1.0 + turning)
-        truth = plant.step(torque, DT)
-        state, e = observe(state, board.sample(truth, torque, blank))
-        if k % 50 == 49:
-            rows.append((float(e.speed_m_s) - truth.speed_m_s, float(e.speed_std_m_s)))
-    return np.array(rows)
+    feels = np.array([GRAVITY * math.sin(grade), 0.0, GRAVITY * math.cos(grade)])
+    truth, e = observed_run(
+        lambda time_s, _: torques[round(time_s / DT) // 250] * (1.0 + turning),
+        plant,
+        2.0,
+        sensors,
+        seed,
+        resting=plant.reset()._replace(specific_force_m_s2=feels),
+    )
+    return np.column_stack([e.speed_m_s - truth.speed_m_s, e.speed_std_m_s])[50::50]
 
 
 CLAIMS: dict[str, Callable[[], Claim]] = {

@@ -17,9 +17,9 @@ IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 
 
 @cache
-def from_rest(friction, sensors, seed=1, grade_rad=0.0):
+def from_rest(friction, sensors, seed=1):
     control = loops.Stepper(SlipController(loops.WHEEL, loops.WIDER, loops.LIMITS), lambda _: SlipCommand(0.12))
-    return loops.observed_run(control, uniform(friction, grade_rad), 1.0, sensors, seed, RlmaParameters())
+    return loops.observed_run(control, loops.RlmaPlant(RlmaParameters(), uniform(friction)), 1.0, sensors, seed)
 
 
 @pytest.mark.slow
