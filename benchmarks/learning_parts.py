@@ -64,9 +64,4 @@ def _measured() -> Iterator[Part]:
 def _packs() -> Iterator[Part]:
     for cell in [cell for cell in CELLS if not cell.slow][:FEW]:
         yield Part(f"pack {cell.chemistry} {cell.name}", "pack", None, partial(unequal_cells.rows, cell), cell.kept_out)
-    yield Part("pack of 28 cells", "pack", None, many_cells)
-
-
-def many_cells() -> Iterator[Figure]:
-    """Time for a pack of 28 cells."""
-    yield unequal_cells.many_cells()
+    yield Part("pack of 28 cells", "pack", None, unequal_cells.many_cells)

@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,12 +62,8 @@ class Scale(NamedTuple):
     drives: int = 10
 
 
-class Part(Protocol):
-    """A part of the page: measures, and gives its rows."""
-
-    def __call__(self, scale: Scale) -> Iterator[Figure]:
-        """The rows."""
-        ...
+#: A part of the page: measures, and gives its rows.
+Part = Callable[[Scale], Iterator[Figure]]
 
 
 def load_rows(scale: Scale) -> Iterator[Figure]:

@@ -54,7 +54,3 @@ def start(folder: str) -> float:
             process.wait(30.0)
     Path(f"{folder}/notify").unlink()
     return took_s
-
-
-if __name__ == "__main__":
-    print(*(f"{took_s:.2f} s" for took_s in starts(6)))

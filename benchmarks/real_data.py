@@ -42,18 +42,14 @@ def once(time_s: np.ndarray, values: np.ndarray, at_s: np.ndarray) -> tuple[np.n
     return arrived, age_s
 
 
-def alarm_share(
-    estimates: SlipEstimate, test: SlipAlarm, radius_m: float, rows: np.ndarray | slice = slice(None)
-) -> float:
+def alarm_share(estimates: SlipEstimate, test: SlipAlarm, radius_m: float) -> float:
     """Share of samples and wheels in which this test would raise the alarm."""
-    rim_m_s = radius_m * estimates.wheel_speed_rad_s[rows]
-    return float(np.mean(test.slips(estimates.slip_speed_m_s[rows], estimates.slip_speed_std_m_s[rows], rim_m_s)))
+    rim_m_s = radius_m * estimates.wheel_speed_rad_s
+    return float(np.mean(test.slips(estimates.slip_speed_m_s, estimates.slip_speed_std_m_s, rim_m_s)))
 
 
-def false_alarms(
-    data: str, method: str, estimates: SlipEstimate, radius_m: float, rows: np.ndarray | slice = slice(None)
-) -> Iterator[Figure]:
+def false_alarms(data: str, method: str, estimates: SlipEstimate, radius_m: float) -> Iterator[Figure]:
     """Alarms where no wheel slips, against each stated rate."""
     for rate in STATED_RATES:
-        share = alarm_share(estimates, SlipAlarm(false_alarm_rate=rate), radius_m, rows)
+        share = alarm_share(estimates, SlipAlarm(false_alarm_rate=rate), radius_m)
         yield at_most(data, method, f"false alarms at a stated rate of {rate:g}", share, rate, ".2g")

@@ -1,13 +1,11 @@
 """Packs of four unequal cells, simulated cell by cell under one current: the weakest of them, and what warns of it.
 
-`python benchmarks/unequal_cells.py [CELL]` prints the figures; the cells are those of lives, simulated once into
-build/lives. The string carries one current, so the first cell at a voltage limit limits all: each cell is simulated
-with the current of all, until none asks for less of it.
+The cells are those of lives, simulated once into build/lives. The string carries one current, so the first cell at a
+voltage limit limits all: each cell is simulated with the current of all, until none asks for less of it.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_least, at_most, rms
-from lives_cells import CELLS, LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
+from lives_cells import LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.drift import expected_weakest
 from ohmward.battery.cells.pack_estimator import PackEstimator, PackRun
@@ -26,7 +24,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
 from ohmward_lab.simulate.electrochemical import CellTruth, ElectrochemicalCell, aged, usual_sensors
 from ohmward_lab.simulate.mission import DayPlan, days, first_discharged
-from ohmward_lab.simulate.profile import Profile, join
+from ohmward_lab.simulate.profile import Profile, constant, join
 
 RMSE_BAR, COVERAGE_BAR, SECONDS_BAR = 0.015, 0.90, 5.0
 #: The band must hold after the first half hour, as in the table of lives.
@@ -64,16 +62,6 @@ class Pack(NamedTuple):
     log: Log
     cells_V: np.ndarray
     soc: np.ndarray
-
-
-def main() -> int:
-    wanted = sys.argv[1:]
-    for cell in (cell for cell in CELLS if cell.chemistry != "lead-acid" and not cell.slow):
-        if not wanted or any(word in cell.name for word in wanted):
-            for figure in rows(cell):
-                print(*figure, sep=" | ", flush=True)
-    print(*many_cells(), sep=" | ")
-    return 0
 
 
 def rows(cell: LifeCell) -> Iterator[Figure]:
@@ -131,14 +119,15 @@ def unseen_figures(data: str, file: Battery, found: Pack) -> Iterator[Figure]:
     plain = np.mean(np.abs(run.soc[late] - weakest) <= 1.96 * run.soc_std[late])
     expected = expected_weakest(run.soc[late], run.soc_std[late], file.n_series)
     covered = np.mean(np.abs(expected.mean - weakest) <= 1.96 * expected.std)
-    rmse = float(np.sqrt(np.mean((run.soc[late] - weakest) ** 2)))
+    rmse = rms(run.soc[late] - weakest)
     yield at_most(data, "pack voltage", "weakest cell minus the estimate, RMS [%]", 100 * rmse, None, ".1f")
     yield at_least(data, "pack voltage", "weakest cell in the band of the pack [%]", 100 * float(plain), None, ".0f")
     yield at_least(data, "pack voltage", "in the band of an unseen weakest cell [%]", 100 * float(covered), None, ".0f")
 
 
-def many_cells(count: int = 28, days_: float = 44.0, interval_s: float = 30.0) -> Figure:
+def many_cells() -> Iterator[Figure]:
     """Time for a pack of 28 cells over 44 days of telemetry, the compilation included."""
+    count, days_, interval_s = 28, 44, 30
     rng = np.random.default_rng(0)
     time_s = np.arange(0.0, days_ * 86400.0, interval_s)
     current_A = 20.0 * np.sin(time_s / 7000.0) + rng.standard_normal(time_s.size)
@@ -147,8 +136,8 @@ def many_cells(count: int = 28, days_: float = 44.0, interval_s: float = 30.0) -
     log = Log("telemetry", time_s, current_A, cells_V.sum(axis=1), np.full(time_s.size, 25.0))
     began = time.perf_counter()
     PackEstimator(file).run(log, cells_V)
-    name = f"{count} cells, {days_:g} days every {interval_s:g} s"
-    return at_most(name, "cell voltages", "time [s]", time.perf_counter() - began, SECONDS_BAR, ".1f")
+    name = f"{count} cells, {days_} days every {interval_s} s"
+    yield at_most(name, "cell voltages", "time [s]", time.perf_counter() - began, SECONDS_BAR, ".1f")
 
 
 def pack(cell: LifeCell, cells: tuple[PackCell, ...], seed: int = 1) -> Pack:
@@ -198,8 +187,8 @@ def string(cell: LifeCell) -> dict[PackCell, CellTruth]:
 def alone(cell: LifeCell, chosen: PackCell, shared: Profile) -> CellTruth:
     """The truth of one cell under the current of the string, after a discharge that puts it lower than the others."""
     before_s = 3.0 * _HOUR_S * chosen.lower * chosen.capacity
-    lowered = [_constant(before_s, -capacity_of(cell.new) / 3.0)] if before_s else []
-    profile = join([*lowered, _constant(_HOUR_S, 0.0), shared])
+    lowered = [constant(before_s, -capacity_of(cell.new) / 3.0)] if before_s else []
+    profile = join([*lowered, constant(_HOUR_S, 0.0), shared])
     start_s = profile.time_s[-1] - shared.time_s[-1]
     ambient_degC = np.interp(profile.time_s - start_s, shared.time_s, shared.ambient_degC)
     profile = profile._replace(ambient_degC=ambient_degC)
@@ -213,9 +202,9 @@ def aged_single(cell: LifeCell, chosen: PackCell) -> ElectrochemicalCell:
     return single if chosen.capacity == 1.0 else aged(single, chosen.capacity, chosen.resistance)
 
 
-def pack_file(cell: LifeCell, tested: str, count: int = 4) -> Battery:
+def pack_file(cell: LifeCell, tested: str) -> Battery:
     """The battery file of a pack, from tests of one cell."""
-    one = battery_from(cell, tested)
+    one, count = battery_from(cell, tested), len(UNEQUAL)
     if tested == LABEL:
         return generic_battery(cell.chemistry, cell.label_Ah, count)
     noise = replace(
@@ -228,11 +217,3 @@ def pack_file(cell: LifeCell, tested: str, count: int = 4) -> Battery:
         one, n_series=count, thevenin=one.thevenin.in_series(count), noise=noise,
         voltage_min_V=count * one.voltage_min_V, voltage_max_V=count * one.voltage_max_V,
     )  # fmt: skip
-
-
-def _constant(duration_s: float, current_A: float) -> Profile:
-    return Profile(np.array([0.0, duration_s]), np.full(2, current_A), np.zeros(2))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
