@@ -32,6 +32,7 @@ from ohmward_lab.simulate.cells import lithium_polymer_pack
 SEEDS = (1, 2, 3)
 #: [T] 3.4: from 98 to 90 %; and the whole range, which [T] does not show.
 NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
+FIRST = NARROW, SEEDS[0]
 #: Standard deviation of the initial state of charge that the filters are given.
 START_STD = 0.005
 #: Step [V] of an oscilloscope of 8 bit over the pack's largest voltage ([T] 3.3.5).
@@ -48,7 +49,7 @@ class ThesisCase(NamedTuple):
 
 
 @cache
-def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
+def case(soc: tuple[float, float], seed: int) -> ThesisCase:
     """The pack, tested, identified and driven."""
     recording = joystick_drive(lithium_polymer_pack(), soc, seed)
     pack = recording.battery
@@ -59,9 +60,7 @@ def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
 
 
 @cache
-def run(
-    method: str, corrected: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]
-) -> SchemeByMethodEstimate:
+def run(method: str, corrected: bool, soc: tuple[float, float], seed: int) -> SchemeByMethodEstimate:
     """The scheme of figure 3.10 along the drive, both stages by this method, (T,) each."""
     here = case(soc, seed)
     return run_along(here.log, here.offline.rule, method, corrected, soc[0])
@@ -78,7 +77,7 @@ def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_s
 
 
 @cache
-def default_run(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> SocRun:
+def default_run(soc: tuple[float, float], seed: int) -> SocRun:
     """The default estimator along the drive, from the same start."""
     here = case(soc, seed)
     return SocEstimator(here.battery, initial_soc=soc[0], initial_soc_std=START_STD).run(here.log)
@@ -170,7 +169,7 @@ def offline_and_updated() -> Result:
         *error_rows("Voltage, offline model", "V", OFFLINE_V, by_rule, by_fit, default, _OFFLINE),
         *error_rows("Voltage, model updated by AUKF", "V", VOLTAGE_V["aukf"], printed, updated, default, _BEFORE),
     ]
-    here, found = case(), run("aukf", True)
+    here, found = case(*FIRST), run("aukf", True, *FIRST)
     drawn = (current_figure(here.log), voltage_figure(here.log), *_parameter_figures(here, found))
     return Result(tuple(rows), drawn)
 
@@ -281,9 +280,9 @@ def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what:
 
 
 def _method_figures() -> tuple[Figure, ...]:
-    t = case().log.time_s
-    found = {m: run(m, True) for m in METHODS}
-    innovation = [Series(t, 1e3 * _innovation(f, case()), m.upper()) for m, f in found.items()]
+    t = case(*FIRST).log.time_s
+    found = {m: run(m, True, *FIRST) for m in METHODS}
+    innovation = [Series(t, 1e3 * f.innovation_V, m.upper()) for m, f in found.items()]
     variance = [Series(t, np.sqrt(f.voltage_variance_V2) * 1e3, m.upper()) for m, f in found.items()]
     return (
         Figure("Voltage error before the sample", TIME, "Error [mV]", innovation),
@@ -299,8 +298,8 @@ def soc_by_method() -> Result:
 
     rows += _order(_soc_error, "SoC", _SOC_ORDER)
     rows += _variance_rows("Standard deviation of SoC", "%", _soc_std, _VARIANCE)
-    here = case()
-    t, found = here.log.time_s, {m: run(m, True) for m in METHODS}
+    here = case(*FIRST)
+    t, found = here.log.time_s, {m: run(m, True, *FIRST) for m in METHODS}
     soc = [Series(t, 100 * f.soc, m.upper()) for m, f in found.items()]
     soc.append(Series(t, 100 * here.truth, "truth", "dashed", "reference"))
     wrong = [Series(t, _soc_error(f, here), m.upper()) for m, f in found.items()]
@@ -330,8 +329,8 @@ def whole_range() -> Result:
     rows = []
     for method in METHODS:
         rows += _soc_rows(method, WHOLE, None, _WHOLE if method == METHODS[0] else "")
-    here = case(WHOLE)
+    here = case(WHOLE, SEEDS[0])
     t = here.log.time_s
-    lines = [Series(t, _soc_error(run(m, True, WHOLE), here), m.upper()) for m in METHODS]
-    lines.append(Series(t, 100 * (default_run(WHOLE).soc - here.truth), "default", role="estimate"))
+    lines = [Series(t, _soc_error(run(m, True, WHOLE, SEEDS[0]), here), m.upper()) for m in METHODS]
+    lines.append(Series(t, 100 * (default_run(WHOLE, SEEDS[0]).soc - here.truth), "default", role="estimate"))
     return Result(tuple(rows), (Figure("Error of the state of charge", TIME, "Error [%]", lines),))

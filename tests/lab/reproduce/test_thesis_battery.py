@@ -11,7 +11,7 @@ from ohmward_lab.published.scheme_by_method import R0_V2
 from ohmward_lab.reproduce import thesis_battery
 from ohmward_lab.reproduce.measured import measured
 from ohmward_lab.reproduce.row import ResultRow
-from ohmward_lab.reproduce.thesis_battery import NARROW, SOC_PERCENT, VOLTAGE_V, case, offline_voltage
+from ohmward_lab.reproduce.thesis_battery import FIRST, SOC_PERCENT, VOLTAGE_V, case, offline_voltage
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
 
 
@@ -67,7 +67,7 @@ def test_the_state_of_charge_is_by_each_method_and_the_default_is_better():
 
 
 def test_a_missing_voltage_of_a_measured_log_is_left_out_counted_and_said():
-    here = case(NARROW)
+    here = case(*FIRST)
     log = here.log.between(0.0, 200.0)
     voltage_V = log.voltage_V.copy()
     voltage_V[[0, 100]] = np.nan
@@ -78,7 +78,7 @@ def test_a_missing_voltage_of_a_measured_log_is_left_out_counted_and_said():
 
 
 def test_the_offline_model_starts_at_rest_on_its_curve():
-    here = case(NARROW)
+    here = case(*FIRST)
     expected = offline_voltage(here, here.offline.rule)
     assert len(expected) == len(here.log)
     assert np.abs(expected - here.log.voltage_V).max() < 1.0
