@@ -152,6 +152,9 @@ _VARIANCE = (
 )
 #: Pairs of methods of which the first is nearer to the truth in [T].
 _ORDERS = (("aukf", "ukf"), ("aekf", "ekf"), ("aukf", "aekf"), ("aekf", "ukf"), ("ukf", "ekf"))
+_Series = Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray]
+#: Errors of the voltage, by when they are taken.
+_VOLTAGE_ERROR: dict[str, _Series] = {"before": lambda f, _: f.innovation_V, "after": lambda f, _: f.residual_V}
 
 
 def offline_and_updated() -> Result:
@@ -199,7 +202,7 @@ def voltage_by_method() -> Result:
     rows = []
     default = [errors(_expected_error(case(NARROW, seed), seed)) for seed in SEEDS]
     for method in METHODS:
-        for when, of in (("before", _innovation), ("after", _residual)):
+        for when, of in _VOLTAGE_ERROR.items():
             rows += error_rows(
                 f"Voltage {when} the sample, {method.upper()}",
                 "V",
@@ -218,20 +221,14 @@ def voltage_by_method() -> Result:
         rows.append(
             ResultRow(f"Voltage {when} the sample, AUKF, 8 bit oscilloscope: mean", "V", 0.002, None, mean, why=_SCOPE)
         )
-    for when, of in (("before", _innovation), ("after", _residual)):
+    for when, of in _VOLTAGE_ERROR.items():
         rows += _order(of, f"voltage {when} the sample")
-    rows += _variance_rows(
-        "Standard deviation of the voltage",
-        "mV",
-        lambda found, _: 1e3 * _root(found.voltage_variance_V2),
-        _VARIANCE,
-    )
+    sigma_mV: _Series = lambda found, _: 1e3 * _root(found.voltage_variance_V2)  # noqa: E731
+    rows += _variance_rows("Standard deviation of the voltage", "mV", sigma_mV, _VARIANCE)
     return Result(tuple(rows), _method_figures())
 
 
-def _variance_rows(
-    what: str, unit: str, of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], why: str
-) -> list[ResultRow]:
+def _variance_rows(what: str, unit: str, of: _Series, why: str) -> list[ResultRow]:
     """Standard deviation that each method reports, the mean along the drives."""
     rows = []
     for method in METHODS:
@@ -252,19 +249,11 @@ def _root(variance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.where(variance >= 0.0, variance, np.nan))
 
 
-def _innovation(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return found.innovation_V
-
-
-def _residual(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return found.residual_V
-
-
 def _soc_error(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
     return 100.0 * (found.soc - here.truth)
 
 
-def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
+def _order(of: _Series, what: str, why: str = "") -> list[ResultRow]:
     """Shares of the drives in which one method has the smaller mean error, once both have recovered from the start."""
     rows = []
     for better, worse in _ORDERS:
