@@ -18,8 +18,8 @@ from types import ModuleType
 from ohmward import __version__
 from ohmward.cli.options import add_detail_options
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
-from ohmward.cli.paragraphs import Detail, styled, width
 from ohmward.cli.parser import Parser
+from ohmward.cli.wording import Detail, styled, width
 from ohmward.errors import InputError, OhmwardError
 
 #: Commands grouped by purpose, in the order of the help. Each is a module `cli.NAME` with EXAMPLES,

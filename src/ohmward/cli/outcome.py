@@ -9,10 +9,12 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ohmward.cli.paragraphs import Detail, assumptions, paragraphs
+from ohmward import __version__
+from ohmward.cli.wording import Detail, assumptions, paragraphs, with_assumptions
 from ohmward.errors import InputError, OhmwardError
 from ohmward.json_values import plain
 
@@ -64,7 +66,7 @@ class Outcome(NamedTuple):
     notes: Sequence[str] = ()  #: what was assumed on the way, printed after `text`, on standard error with --json
     page: Callable[[], Page] | None = None  #: makes the report, called only with --report
     status: int = 0  #: exit status
-    has_notes: bool = False  #: True where `text` contains the notes already
+    has_notes: bool = False  #: True where `text` and page contain the notes already
 
 
 def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.Namespace) -> Outcome:
@@ -79,8 +81,17 @@ def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.
     check_output("--report", report, (".html", ".htm"))
     outcome = run(arguments)
     if report and outcome.page:
-        outcome.page().write(report)
+        write_page(outcome.page(), report, () if outcome.has_notes else outcome.notes)
     return outcome
+
+
+def write_page(page: Page, path: str | os.PathLike[str], notes: Sequence[str]) -> None:
+    """Write a page with everything that was assumed, and the version in its last line.
+
+    Raises:
+        OhmwardError: the file cannot be written.
+    """
+    replace(with_assumptions(page, notes), footer=f"ohmward {__version__}").write(path)
 
 
 def show(outcome: Outcome, *, as_json: bool, detail: Detail = "all") -> None:

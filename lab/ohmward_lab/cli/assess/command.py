@@ -10,10 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, progress
-from ohmward.cli.paragraphs import paragraphs
-from ohmward.cli.wording import FOOTER
+from ohmward.cli.wording import paragraphs, table
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
 from ohmward.report.page import HeatCell
@@ -78,8 +76,8 @@ def describe(assessed: Assessed) -> str:
     parts = [f"{assessed.headline}; {rmse.caption}"]
     for subject in dict.fromkeys(row.subject for row in found):
         header, *rows = grid([row for row in found if row.subject == subject], rmse.text)
-        parts += [subject, wording.table(header, [[cell or "-" for cell in row] for row in rows])]
-    parts += [rule(assessed), wording.table(*recommended(assessed)), "\n".join(worse(assessed))]
+        parts += [subject, table(header, [[cell or "-" for cell in row] for row in rows])]
+    parts += [rule(assessed), table(*recommended(assessed)), "\n".join(worse(assessed))]
     return paragraphs(*parts, f"all figures: {assessed.folder / SUMMARY}")
 
 
@@ -207,7 +205,7 @@ def grid(found: Sequence[Any], text: Callable[[Any], Any]) -> Iterator[list[Any]
 def make_page(assessed: Assessed) -> Page:
     """Recommendation, then the heat maps of each subject, and the cost."""
     study, found = assessed.study, assessed.found
-    page = Page(f"Limits of the methods: {study.name}", f"{assessed.headline}, seed {assessed.seed}", FOOTER)
+    page = Page(f"Limits of the methods: {study.name}", f"{assessed.headline}, seed {assessed.seed}")
     page = page.heading("Recommendation")
     page = page.text(rule(assessed)).table(*recommended(assessed))
     for sentence in worse(assessed):

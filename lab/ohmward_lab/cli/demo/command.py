@@ -9,11 +9,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ohmward.cli import wording
 from ohmward.cli.main import parse, run_of
-from ohmward.cli.outcome import Outcome, carry_out
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER
+from ohmward.cli.outcome import Outcome, carry_out, write_page
+from ohmward.cli.wording import bullets, fields, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.figures.numbers import percent, quantity
 from ohmward.filters.consistency import BAND_95
@@ -51,8 +49,7 @@ def run(args: argparse.Namespace) -> Outcome:
         for chemistry, outcomes in worked.items()
     }
     results = of_days | {name: dict(outcome.summary) for name, outcome in home.items()}
-    page = make_page(worked[DRIVEN] | home, drive_figures(results))
-    page.write(folder / "report.html")
+    write_page(make_page(worked[DRIVEN] | home, drive_figures(results)), folder / "report.html", ())
     return Outcome({"command": "demo", "folder": str(folder), **results}, describe(results, folder))
 
 
@@ -117,8 +114,8 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
     ]
     reports = sorted(str(path) for path in folder.glob("*-*.html"))
     return paragraphs(
-        wording.table(header, rows),
-        f"the drive home\n{wording.fields(drive_figures(results))}",
+        table(header, rows),
+        f"the drive home\n{fields(drive_figures(results))}",
         f"The whole story on one page, open it in a browser:\n  {folder / 'report.html'}",
         bullets("A page for each command", reports),
     )
@@ -182,7 +179,7 @@ CHAPTERS = {
 
 def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Page:
     """Page with a chapter for each step; outcomes: by name of the step.  figures: shown at the top."""
-    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
+    page = Page("A robot, from its battery test to the way home", _SUBTITLE)
     page = page.numbers({label.capitalize(): value for label, value in figures.items()})
     for name, (title, sections) in CHAPTERS.items():
         if make := outcomes[name].page:

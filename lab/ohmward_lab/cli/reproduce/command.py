@@ -10,11 +10,9 @@ from pathlib import Path
 
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log, with_contradictions
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER
+from ohmward.cli.wording import bullets, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.logs.log import ReadOptions
 from ohmward.report import Page
@@ -99,7 +97,7 @@ def describe(publication: Publication, results: Sequence[tuple[Item, Result]]) -
     parts = [publication.title]
     for item, result in results:
         parts.append(f"{label(item)}: {item.title}")
-        parts.append(wording.table(HEADER, [cells(row) for row in result.rows]))
+        parts.append(table(HEADER, [cells(row) for row in result.rows]))
         if reasons := [row.why for row in result.rows if row.why]:
             parts.append(bullets("Why they differ", list(dict.fromkeys(reasons))))
     return paragraphs(*parts)
@@ -127,7 +125,7 @@ _COLUMNS = (
 
 def make_page(publication: Publication, results: Sequence[tuple[Item, Result]]) -> Page:
     """Table and figures of each item, then the errata of the publication."""
-    page = Page(f"{publication.title}, made again", f"{len(results)} tables and figures", FOOTER).text(_COLUMNS)
+    page = Page(f"{publication.title}, made again", f"{len(results)} tables and figures").text(_COLUMNS)
     for item, result in results:
         page = page.heading(f"{label(item)}: {item.title}")
         page = page.table(HEADER, [[None if c == "-" else c for c in cells(row)] for row in result.rows])
@@ -146,6 +144,6 @@ def _errata() -> Outcome:
     rows = errata_rows(found)
     lines = [f"{text} {place}: {printed} -> {correct} (the check {ok})" for text, place, printed, correct, ok in rows]
     title = f"{len(ERRATA)} errors in the texts we worked from, {sum(found)} of their checks pass; printed -> must be"
-    page = Page("Errors in [T] and [P]", "each with a check that runs", FOOTER).table(_ERRATA, rows)
+    page = Page("Errors in [T] and [P]", "each with a check that runs").table(_ERRATA, rows)
     text = bullets(title, lines)
     return Outcome({"command": "reproduce", "errata": figures}, text, page=lambda: page, status=0 if all(found) else 1)

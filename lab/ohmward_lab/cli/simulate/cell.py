@@ -8,10 +8,8 @@ from functools import partial
 from typing import Any
 
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.paragraphs import paragraphs
-from ohmward.cli.wording import FOOTER
+from ohmward.cli.wording import fields, paragraphs
 from ohmward.errors import InputError
 from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
 from ohmward.figures.numbers import duration, percent
@@ -71,7 +69,7 @@ def describe(found: Mapping[str, Any]) -> str:
         then = f"next: ohmward identify {output} --capacity-ah {found['capacity_new_Ah']:.3g}"
         then += f" --n-series {found['n_series']}" if found["n_series"] > 1 else ""
     title = f"{found['cell']}, {found['model']}: {found['record']}"
-    return paragraphs(title, wording.fields(result(found)), then)
+    return paragraphs(title, fields(result(found)), then)
 
 
 def result(found: Mapping[str, Any]) -> dict[str, str]:
@@ -93,5 +91,5 @@ def make_page(log: Log, figures: Mapping[str, Any]) -> Page:
         "State of charge", TIME, "State of charge [%]", [Series(log.time_s, 100 * log.extra["soc_true"], "true")]
     )
     what = f"{figures['record']} of {figures['cell']}, model {figures['model']}, simulated with PyBaMM"
-    page = Page(log.name, what, FOOTER).numbers(result(figures))
+    page = Page(log.name, what).numbers(result(figures))
     return page.plot(truth, voltage_figure(log), current_figure(log), temperature_figure(log))

@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER
+from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.filters.consistency import BAND_95
@@ -36,7 +34,7 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome({"command": "simulate", "example": text}, text)
     if args.list:
         scenarios = dict(closed_loop.packaged())
-        text = f"ohmward simulate NAME\n\n{wording.fields(scenarios)}"
+        text = f"ohmward simulate NAME\n\n{fields(scenarios)}"
         return Outcome({"command": "simulate", "scenarios": scenarios}, text)
     if args.cell is not None:
         return cell.run(args)
@@ -55,7 +53,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.output:
         write_table(closed_loop.columns(answer), args.output)
     found = summary(answer) | {"output": args.output, "report": args.report}
-    return Outcome(found, describe(found), answer.warnings, partial(make_page, answer, found))
+    return Outcome(found, describe(found), answer.warnings, partial(make_page, answer, found), has_notes=True)
 
 
 #: Terms of the energy balance in words.
@@ -110,7 +108,7 @@ def describe(found: Mapping[str, Any]) -> str:
     return paragraphs(
         f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}, "
         f"{observer}",
-        wording.fields(result(found)),
+        fields(result(found)),
         energy_table(found),
         bullets("Warnings", found["warnings"]),
     )
@@ -132,7 +130,7 @@ def result(found: Mapping[str, Any]) -> dict[str, str]:
         "false slip alarms": percent(found["false_alarm_rate"]),
         "computed in": duration(found["seconds"]),
     }
-    return wording.known_rows(rows)
+    return known_rows(rows)
 
 
 def energy_table(found: Mapping[str, Any]) -> str:
@@ -140,7 +138,7 @@ def energy_table(found: Mapping[str, Any]) -> str:
     whole = found["energy_J"]
     parts = {name: value for name, value in found["energy_split_J"].items() if abs(value) > 1e-6 * abs(whole)}
     rows = [[ENERGY[name], f"{value:.4g} J", percent(value / whole, 1)] for name, value in parts.items()]
-    return wording.table(["where the energy went", "", "share"], rows)
+    return table(["where the energy went", "", "share"], rows)
 
 
 #: Seconds over which the power split is averaged.
@@ -152,7 +150,7 @@ def make_page(run: ClosedLoopRun, found: Mapping[str, Any]) -> Page:
     what = f"{found['robot']}, plant {found['plant']!r}, simulated for {duration(found['duration_s'])}"
     values = result(found)
     chosen = ("drive", "energy per metre", "slip reached after", "slip error, RMS", "speed error, RMS")
-    page = Page(found["scenario"], what, FOOTER).numbers({k: values[k] for k in chosen if k in values})
+    page = Page(found["scenario"], what).numbers({k: values[k] for k in chosen if k in values})
     for warning in run.warnings:
         page = page.callout("warning", warning)
     page = page.plot(_speed(run), *_slips(run), _torque(run), _friction(run), _power(run), _battery(run))

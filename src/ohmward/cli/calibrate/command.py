@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.wording import bullets, fields, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.figures.numbers import duration, percent
 from ohmward.figures.slip import calibration_figure, law_figure
@@ -165,8 +163,8 @@ def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
     written = [f"{name}: {path}" for name, path in files.items() if path]
     return paragraphs(
         title,
-        wording.table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
-        wording.fields(floor_fields(found.floor)) if found.floor else "",
+        table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
+        fields(floor_fields(found.floor)) if found.floor else "",
         bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
         "\n".join(written) or "No robot file written; name one with -o.",
     )
@@ -200,7 +198,7 @@ def floor_fields(floor: Floor) -> dict[str, str]:
 def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
     """Calibrated parameters, the speeds behind them, and the floor's law with the stretches it was learnt from."""
     what = f"{figures['drives']} drives, {duration(figures['duration_s'])}"
-    page = Page(f"Robot {found.robot.name!r}", what, FOOTER)
+    page = Page(f"Robot {found.robot.name!r}", what)
     for p in found.parameters:
         if not p.identified:
             page = page.callout("warning", f"{p.name} was not identified: {p.reason}. The robot's own value is kept.")
@@ -213,4 +211,4 @@ def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
             .plot(law_figure(found, found.floor))
             .table(["What", "Value"], rows)
         )
-    return with_assumptions(page, figures["notes"])
+    return page

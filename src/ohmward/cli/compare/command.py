@@ -11,11 +11,9 @@ from typing import Any
 from ohmward.battery.soc.comparison import Comparison, compare
 from ohmward.battery.soc.fit_check import is_judged
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, progress
-from ohmward.cli.paragraphs import paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.wording import paragraphs, table
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
@@ -75,7 +73,7 @@ def summary(task: SocTask, compared: Comparison) -> dict[str, Any]:
 
 def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
     """Text for people."""
-    tables = (wording.table(header, rows) for header, rows in tables_of(task, figures))
+    tables = (table(header, rows) for header, rows in tables_of(task, figures))
     title = f"{figures['log']} with battery {figures['battery']!r}: {figures['steps']:,} samples"
     return paragraphs(title, *tables)
 
@@ -142,10 +140,9 @@ def make_page(task: SocTask, compared: Comparison, figures: Mapping[str, Any]) -
     """Tables, then states of charge and errors of all estimators on a common time axis."""
     log = task.log
     what = f"{len(compared.runs)} estimators, battery {task.battery.name!r}, {duration(log.duration_s)}"
-    page = Page(f"{log.name}: estimators compared", what, FOOTER)
+    page = Page(f"{log.name}: estimators compared", what)
     for header, rows in tables_of(task, figures):
         page = page.table(header, [[None if cell == "-" else cell for cell in row] for row in rows])
     plots = pictures.comparison_figures(log, compared.runs, compared.truth)
     page = page.plot(*plots, pictures.current_figure(log), pictures.voltage_figure(log), clock=wall_clock(log))
-    page = page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in compared.runs])
-    return with_assumptions(page, task.notes)
+    return page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in compared.runs])

@@ -20,12 +20,10 @@ from ohmward.battery.soc.band_forecast import (
     taken_as_exact,
     worthwhile_tests,
 )
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.paragraphs import assumptions, bullets, paragraphs
-from ohmward.cli.wording import FOOTER, sentence, with_assumptions
+from ohmward.cli.wording import assumptions, bullets, fields, paragraphs, sentence, table, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import duration, quantity
@@ -186,7 +184,7 @@ def _examined(
     sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
     text = paragraphs(
         f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
-        wording.fields(rows),
+        fields(rows),
         assumptions(found.notes, "all"),
         bullets("Found", sentences) or "Found: nothing suspicious.",
     )
@@ -244,7 +242,7 @@ def examine_robot(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a robot file."""
     robot = load_robot(path)
     rows = robot_rows(robot)
-    text = paragraphs(f"{path}: robot {robot.name!r}", wording.fields(rows))
+    text = paragraphs(f"{path}: robot {robot.name!r}", fields(rows))
     summary = {"path": path, "name": robot.name} | rows
     yield Part("robots", robot.name, text, summary, [f"ohmward slip LOG --robot {path}"])
 
@@ -252,7 +250,7 @@ def examine_robot(path: str, _: GivenFiles) -> Iterator[Part]:
 def examine_setup(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a setup."""
     rows = setup_rows(SETUP_FILE.load(path))
-    text = paragraphs(f"{path}: setup of a robot", wording.fields(rows))
+    text = paragraphs(f"{path}: setup of a robot", fields(rows))
     yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
 
 
@@ -322,9 +320,9 @@ def examine_battery(path: str, _: GivenFiles) -> Iterator[Part]:
     text = paragraphs(
         f"{path}: battery {battery.name!r}, {quantity(battery.capacity_Ah, 'Ah')}, "
         f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
-        wording.fields(sources(battery)),
+        fields(sources(battery)),
         bullets("Not known", battery.not_identified),
-        f"{wording.table(BANDS, rows)}\n({READING})",
+        f"{table(BANDS, rows)}\n({READING})",
     )
     summary = {
         "path": path,
@@ -402,7 +400,7 @@ def make_page(parts: Sequence[Part]) -> Page:
     kinds = [part.kind for _, part in sections]
     names = [part.name.removesuffix(", drive") for _, part in sections]
     title = names[0] if len(names) == 1 else f"{len(names)} {'files' if 'batteries' in kinds else 'logs'}"
-    page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
+    page = Page(title, "What is in it, what is wrong, what was assumed")
     for section, part in sorted(sections, key=lambda one: one[1].kind == "drives"):
         page = section(page if len(names) == 1 else page.heading(part.name))
     return page

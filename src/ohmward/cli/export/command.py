@@ -11,7 +11,6 @@ from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.battery.soc.score import soc_reference
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import (
     given_start,
     load_with_sensor,
@@ -21,7 +20,7 @@ from ohmward.cli.battery_inputs import (
 )
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
-from ohmward.cli.paragraphs import paragraphs
+from ohmward.cli.wording import fields, paragraphs, table
 from ohmward.embedded import blind
 from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.embedded.c_library import check_fits, library, size, write_library
@@ -129,7 +128,7 @@ def run(args: argparse.Namespace) -> Outcome:
     }
     text = paragraphs(
         f"{args.output}: {export.title}",
-        wording.fields(rows),
+        fields(rows),
         f"compile and check it here:\n  make -C {shlex.quote(str(args.output))} test",
     )
     return Outcome(figures, text, notes)
@@ -184,4 +183,4 @@ def _score_table(scores: Sequence[blind.BlindScore]) -> str:
             error = blind.case_rmse(scores, case)
             rows.append([case, f"{weight:.1f}", f"{len(own)}", f"{error:.2%}", f"{worst.rmse:.2%} ({worst.run})"])
     rows.append(["weighted", "", "", f"{blind.weighted_rmse(scores):.2%}", ""])
-    return wording.table(["rehearsal", "weight", "runs", "RMSE", "worst"], rows)
+    return table(["rehearsal", "weight", "runs", "RMSE", "worst"], rows)

@@ -14,11 +14,9 @@ import numpy as np
 
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
-from ohmward.cli.outcome import Outcome, Report, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.outcome import Outcome, Report, progress, write_page
+from ohmward.cli.wording import bullets, fields, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.figures.health import battery_map, trend_figure
 from ohmward.figures.numbers import percent
@@ -113,7 +111,7 @@ def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, no
         "report": str(page),
         "notes": notes,
     }
-    make_page(figures, states, logs).write(page)
+    write_page(make_page(figures, states, logs), page, notes)
     alarms = any(state.alarms for state in states)
     return Outcome(figures, describe(figures, states), notes, status=max(status(figures), int(alarms)))
 
@@ -177,8 +175,8 @@ def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str
     }
     alarms = [f"{state.robot}: {alarm}" for state in states for alarm in state.alarms]
     return paragraphs(
-        wording.fields(rows),
-        wording.table(ROBOTS, [robot_row(state) for state in states[:_MOST_RANKED]]) if states else "",
+        fields(rows),
+        table(ROBOTS, [robot_row(state) for state in states[:_MOST_RANKED]]) if states else "",
         bullets("Alarms", _cut(alarms, "see the page"), "warning"),
         bullets("Not used", _first(figures["errors"], "error")),
         "" if states else bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
@@ -207,7 +205,7 @@ def _change(change: float | None, std: float | None) -> str:
 
 def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
     """The fleet on one page: alarms by name, ranking, map and trend of its batteries, logs that were refused."""
-    page = Page(f"{len(states)} robots", "Charge, capacity and resistance of each, the worst first", FOOTER)
+    page = Page(f"{len(states)} robots", "Charge, capacity and resistance of each, the worst first")
     page = page.numbers({
         "Robots": str(len(states)),
         "With alarms": str(sum(bool(state.alarms) for state in states)),
@@ -232,7 +230,7 @@ def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequ
     refused = [[log.get("robot") or "-", log["path"], log["error"]] for log in logs if log["error"]]
     if refused:
         page = page.heading("Logs that were refused").table(["Robot", "Log", "Why"], refused)
-    return with_assumptions(page, figures["notes"])
+    return page
 
 
 def _trends(

@@ -16,11 +16,9 @@ from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import BatteryHealth, health
 from ohmward.battery.health.history import used_capacities
 from ohmward.battery.learning.log_update import LogUpdate
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, sentence, with_assumptions
+from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, sentence
 from ohmward.errors import InputError
 from ohmward.figures.health import life_figure, trend_figures
 from ohmward.figures.numbers import lognormal, normal, ratio
@@ -162,7 +160,7 @@ def describe(f: Mapping[str, Any]) -> str:
     aside = [f"{log['log']}: {log['reason']}" for log in f["logs"] if log["verdict"] == "set aside"]
     return paragraphs(
         f"health of battery {f['battery']!r} over {span(f)}",
-        wording.fields(result(f)),
+        fields(result(f)),
         bullets("Sudden changes, which no ageing makes", list(map(change_text, f["sudden_changes"]))),
         bullets("Logs off the trend", list(map(off_text, f["off_trend"]))),
         bullets("Set aside", aside),
@@ -237,7 +235,7 @@ def make_page(found: BatteryHealth, f: Mapping[str, Any]) -> Page:
         "Resistance": lognormal(f["resistance_ratio"], "%", 100),
         f"Down to {f['worn_share']:.0%} within a year": f"{f['worn_within']['year']:.0%}" if f["worn_within"] else "",
     }
-    page = Page(f"Health of battery {f['battery']!r}", span(f), FOOTER).numbers(wording.known_rows(numbers))
+    page = Page(f"Health of battery {f['battery']!r}", span(f)).numbers(known_rows(numbers))
     for step in f["sudden_changes"]:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in f["off_trend"]:
@@ -259,5 +257,4 @@ def make_page(found: BatteryHealth, f: Mapping[str, Any]) -> Page:
         ]
         for log in f["logs"]
     ]
-    page = page.heading("Logs").table(LOGS, rows, "What each log shows by itself")
-    return with_assumptions(page, f["notes"])
+    return page.heading("Logs").table(LOGS, rows, "What each log shows by itself")

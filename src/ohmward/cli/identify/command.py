@@ -14,11 +14,9 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, LogDetails, identify_in_detail
 from ohmward.battery.models.rc import four_numbers, rc_of_thevenin
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.wording import bullets, paragraphs, table, written_battery
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import quantity
 from ohmward.figures.parts import wall_clock
@@ -103,13 +101,13 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
     measured = quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
     capacity = f"{battery.capacity_Ah:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
     title = f"battery {battery.name!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"
-    written = wording.written_battery(figures) if figures["output"] else "No battery file written; name one with -o."
+    written = written_battery(figures) if figures["output"] else "No battery file written; name one with -o."
     return paragraphs(
         title,
         "" if figures["fits"] else MISFIT,
-        wording.table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
-        wording.table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
-        wording.table(FITS, fit_rows(battery)),
+        table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
+        table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
+        table(FITS, fit_rows(battery)),
         bullets("Not identified", battery.not_identified),
         written,
     )
@@ -159,7 +157,7 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
     battery, model = found.battery, found.battery.thevenin
     cells = f"{battery.n_series} cells in series" if battery.n_series > 1 else "one cell"
     what = ", ".join(part for part in (battery.chemistry, cells, f"{battery.capacity_Ah:g} Ah") if part)
-    page = Page(f"Battery {battery.name!r}", what, FOOTER).numbers(_numbers(battery))
+    page = Page(f"Battery {battery.name!r}", what).numbers(_numbers(battery))
     if not found.fits:
         page = page.callout("warning", MISFIT)
     for text in battery.not_identified:
@@ -177,7 +175,7 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
     page = page.heading("Parameters").table(FITS, fit_rows(battery), "How well each log is reproduced")
     if rows := parameter_rows(battery):
         page = page.table(PARAMETERS, rows, "Parameters with 95 % confidence intervals")
-    return with_assumptions(page, figures["notes"])
+    return page
 
 
 def _numbers(battery: Battery) -> dict[str, str]:

@@ -14,11 +14,9 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import PULSE_S, known
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
 from ohmward.cli.outcome import Outcome, check_output, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, sentence, with_assumptions
+from ohmward.cli.wording import bullets, paragraphs, sentence, table, written_battery
 from ohmward.figures import learning as pictures
 from ohmward.figures.numbers import known as is_known
 from ohmward.figures.numbers import lognormal, normal, quantity
@@ -125,8 +123,8 @@ def describe(f: Mapping[str, Any]) -> str:
     left = [f"{row['log']}, {row['verdict']}: {row['reason']}" for row in rows if row["verdict"] != "learnt"]
     return paragraphs(
         title(f),
-        *(f"{headline(file)}\n{wording.table(CHANGES, change_rows(file))}" for file in f["files"]),
-        wording.table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
+        *(f"{headline(file)}\n{table(CHANGES, change_rows(file))}" for file in f["files"]),
+        table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
         bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
         bullets("Not learnt from", left),
         ending(f),
@@ -153,7 +151,7 @@ def ending(f: Mapping[str, Any]) -> str:
     if f["output"] is None:
         return "No battery file written; name one with -o."
     lines = [
-        wording.written_battery(file) if file["written"] else f"battery file: {file['output']}, nothing new"
+        written_battery(file) if file["written"] else f"battery file: {file['output']}, nothing new"
         for file in f["files"]
     ]
     return "\n".join(lines) or "No battery file written: no log was of any use."
@@ -201,7 +199,7 @@ def log_rows(rows: Sequence[Row]) -> list[list[str]]:
 def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
     """Each battery before and after, what each log contributed, which logs were set aside and why."""
     names = [file["name"] for file in f["files"]]
-    page = Page(f"Battery {names[0]!r}" if len(names) == 1 else f"{len(names)} batteries", title(f), FOOTER)
+    page = Page(f"Battery {names[0]!r}" if len(names) == 1 else f"{len(names)} batteries", title(f))
     page = page.callout("info", ending(f))
     for row in f["logs"]:
         if row["verdict"] == "set aside":
@@ -224,7 +222,7 @@ def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
         page = page.heading("Anchors").table(
             header, anchors, "What showed the state of charge beside the voltage, once each"
         )
-    return with_assumptions(page, f["notes"]) if f["notes"] else page
+    return page
 
 
 def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Sequence[Row]) -> Page:

@@ -10,13 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, of_kinds, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
 from ohmward.energy import (
     Consumption,
     MissionForecast,
@@ -164,11 +162,11 @@ class MissionReader(NamedTuple):
         date = date_column(file, time.name)
         fraction = fraction_column(file.names, time.name)
         wanted = {time.name, TERRAIN_COLUMN, *rows, date or "", fraction[0] if fraction else ""}
-        table = select_rows(file.load(wanted & set(file.names)), rows)
-        clock = read_clock(table, time, file.hints, date)
+        chosen = select_rows(file.load(wanted & set(file.names)), rows)
+        clock = read_clock(chosen, time, file.hints, date)
         time_s = clock.time_s if clock.start_unix_s is None else clock.time_s - np.nanmin(clock.time_s)
         order = np.argsort(time_s, kind="stable")
-        cells = [str(cell).strip() for cell in table.columns[TERRAIN_COLUMN]]
+        cells = [str(cell).strip() for cell in chosen.columns[TERRAIN_COLUMN]]
         named = [self.ground if cell.lower() in ("", "nan", "none") else cell for cell in cells]
         names = np.array(named, dtype=object)[order]
         return names[np.maximum(np.searchsorted(time_s[order], log.time_s, side="right") - 1, 0)]
@@ -231,10 +229,10 @@ def describe(f: Mapping[str, Any]) -> str:
     parts = split_rows(f["drive"])
     return paragraphs(
         f"{f['log'] or 'plan'} with battery {f['battery']!r}{robot}",
-        wording.fields(result(f)),
-        wording.table(["energy", "", "share", "std, at most"], parts) if parts else "",
-        wording.table(TERRAINS, terrain_rows(f)) if f["terrains"] else "",
-        wording.fields(plan_rows(f["plan"])) if f["plan"] else "",
+        fields(result(f)),
+        table(["energy", "", "share", "std, at most"], parts) if parts else "",
+        table(TERRAINS, terrain_rows(f)) if f["terrains"] else "",
+        fields(plan_rows(f["plan"])) if f["plan"] else "",
         bullets("Advice", advice_lines(f)),
     )
 
@@ -333,8 +331,8 @@ def make_page(found: MissionResult, f: Mapping[str, Any]) -> Page:
         "Energy per metre": quantity(f["drive"].energy_J_per_m, "J/m") if f["drive"] else "",
         "Plan with the reserve left": percent(f["probability"], 1),
     }
-    page = Page(f["log"] or "Mission", f"Energy, range and the way home; battery {f['battery']!r}{robot}", FOOTER)
-    page = page.numbers(wording.known_rows(numbers))
+    page = Page(f["log"] or "Mission", f"Energy, range and the way home; battery {f['battery']!r}{robot}")
+    page = page.numbers(known_rows(numbers))
     if found.forecast:
         rows = [
             [
@@ -360,5 +358,4 @@ def make_page(found: MissionResult, f: Mapping[str, Any]) -> Page:
         page = page.plot(pictures.terrain_figure(found.consumption, name, found.record))
     for line in advice_lines(f):
         page = page.callout("info", line)
-    page = page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))
-    return with_assumptions(page, f["notes"])
+    return page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))

@@ -13,8 +13,8 @@ from typing import Any
 
 from ohmward.checks import require_positive
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.run import JSON, TEXT
+from ohmward.cli.wording import bullets, paragraphs
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
 from ohmward.onboard.assembly import assemble

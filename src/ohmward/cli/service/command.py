@@ -17,7 +17,7 @@ from typing import Any
 
 from ohmward.atomic import write_text
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.paragraphs import paragraphs
+from ohmward.cli.wording import paragraphs
 from ohmward.errors import InputError
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 

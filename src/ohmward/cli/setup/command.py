@@ -18,11 +18,10 @@ import numpy as np
 from ohmward.atomic import back_up, write_text
 from ohmward.battery.chemistries import chemistry, generic_battery
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.paragraphs import bullets, paragraphs
 from ohmward.cli.parser import Parser
 from ohmward.cli.setup import add_arguments
+from ohmward.cli.wording import bullets, fields, paragraphs
 from ohmward.errors import InputError
 from ohmward.onboard.can_bus import CanDatabase, CanPort
 from ohmward.onboard.discovery import (
@@ -391,8 +390,8 @@ def _lines(plan: SetupPlan) -> Iterator[str]:
         yield from ("", "[[source]]", f'kind = "{offer.kind}"')
         yield from _settings(offer.settings | ({"name": f"{offer.kind}-{k + 1}"} if same else {}))
         for key in ("messages", "joints"):
-            if table := offer.settings.get(key):
-                yield from ("", f"[source.{key}]", *(f"{json.dumps(n)} = {json.dumps(v)}" for n, v in table.items()))
+            if entries := offer.settings.get(key):
+                yield from ("", f"[source.{key}]", *(f"{json.dumps(n)} = {json.dumps(v)}" for n, v in entries.items()))
         if signals:
             yield from ("", "[source.signals]", *(signal_line(*one) for one in signals.items()))
     for kind in ("page", "store"):
@@ -463,7 +462,7 @@ def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
     options = shlex.join([word for q in asked for word in (q.option, q.example)])
     return paragraphs(
         head,
-        "Recognised:\n" + wording.fields(found) if found else "",
+        "Recognised:\n" + fields(found) if found else "",
         bullets("Asked, each with the option that answers it", questions),
         f"All at once, with your answers: {options}" if asked else "",
         bullets("Assumed", plan.notes),

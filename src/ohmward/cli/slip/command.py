@@ -8,11 +8,9 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
-from ohmward.cli.paragraphs import bullets, paragraphs
-from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.cli.wording import bullets, fields, known_rows, paragraphs
 from ohmward.errors import InputError
 from ohmward.figures.numbers import duration, flagged, percent, quantity
 from ohmward.figures.parts import wall_clock
@@ -109,9 +107,9 @@ def describe(f: Mapping[str, Any]) -> str:
     """
     return paragraphs(
         f"{f['log']} with robot {f['robot']!r}: {f['filter']} on {f['terrain']}",
-        wording.fields(result(f)),
+        fields(result(f)),
         bullets("Slip", episodes(f)),
-        wording.fields(errors(f)) if f["truth"] else "",
+        fields(errors(f)) if f["truth"] else "",
     )
 
 
@@ -214,7 +212,7 @@ def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> 
         "Slip error, RMS": quantity(f["slip_rmse"], ""),
         "True slip in 95 % band": percent(f["coverage_95"], 1),
     }
-    page = Page(task.log.name, what, FOOTER).numbers(wording.known_rows(numbers))
+    page = Page(task.log.name, what).numbers(known_rows(numbers))
     page = page.plot(*_plots(task, observed), clock=wall_clock(task.log))
     page = page.map(path_map(observed.path))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))
@@ -231,7 +229,7 @@ def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> 
     ]
     if rows:
         page = page.heading("Slip episodes").table(["Wheel", "Time", "Greatest slip speed", "Greatest slip"], rows)
-    return with_assumptions(page, f["notes"])
+    return page
 
 
 def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:

@@ -19,11 +19,9 @@ from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.registry import chosen_name, title_of
 from ohmward.battery.soc.sample import LEARNT, LEARNT_FIELDS, STD_OF
 from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
-from ohmward.cli.paragraphs import bullets, paragraphs, styled, width
-from ohmward.cli.wording import FOOTER, sentence, with_assumptions
+from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, sentence, styled, table, width
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import band, duration, flagged, lognormal, normal, percent, quantity
 from ohmward.figures.parts import wall_clock
@@ -127,13 +125,13 @@ def describe(f: Mapping[str, Any]) -> str:
     return paragraphs(
         f"{f['log']} with battery {f['battery']!r}\n{f['filter']}: {title_of(f['filter'])}",
         styled(textwrap.fill(headline(f), width())),
-        wording.fields(result(f)),
+        fields(result(f)),
         bullets(_ANCHORS, anchors),
-        f"Cells\n{wording.fields(pack_rows(cells))}" if cells else "",
-        wording.table(_CELLS, cell_rows(cells)) if cells else "",
+        f"Cells\n{fields(pack_rows(cells))}" if cells else "",
+        table(_CELLS, cell_rows(cells)) if cells else "",
         bullets("Cells that drift apart from the others", drifting),
         bullets(f"What makes the band wide, and what would narrow it ({_SQUARES})", causes),
-        wording.table(["against the truth", "whole log", "after 1 h"], error_rows(f)) if f["truth"] else "",
+        table(["against the truth", "whole log", "after 1 h"], error_rows(f)) if f["truth"] else "",
     )
 
 
@@ -162,7 +160,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "flagged samples": flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
     }
-    return wording.known_rows(rows)
+    return known_rows(rows)
 
 
 def learnt(f: Mapping[str, Any], name: str) -> dict[str, float]:
@@ -233,7 +231,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
     """Key figures, plots on a common time axis, anchors, cells, causes, assumptions."""
     clock, explanation = wall_clock(task.log), f["explanation"]
     what = f"State of charge by {f['filter']}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
-    page = Page(task.log.name, what, FOOTER)
+    page = Page(task.log.name, what)
     page = page.callout("info" if explanation["known"] and f["fits"] else "warning", headline(f))
     numbers = {
         "SoC at the end": f"{100 * f['soc_final']:.1f} ± {percent(BAND_95 * f['soc_std_final'], 1)}",
@@ -244,7 +242,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
         "Voltage error, RMS": quantity(f["voltage_rmse_V"], "mV", 1e3),
         "Current offset": normal(learnt(f, "current_offset_A"), "mA", 1e3),
     }
-    page = page.numbers(wording.known_rows(numbers)).plot(*_plots(task, answer), clock=clock)
+    page = page.numbers(known_rows(numbers)).plot(*_plots(task, answer), clock=clock)
     if f["anchors"]:
         header = ("Event", "After", "Source", "State of charge given", "Estimate before it")
         page = page.heading(_ANCHORS).table(header, anchor_rows(f))
@@ -257,8 +255,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
         page = page.table(_CELLS, cell_rows(f["cells"]), "Half widths are those of the 95 % bands.")
     if explanation["causes"]:
         page = page.heading("What makes the band wide").table(_CAUSES, cause_rows(f), sentence(_SQUARES))
-    page = page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))
-    return with_assumptions(page, task.notes)
+    return page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))
 
 
 def _plots(task: SocTask, answer: SocRun) -> list[Figure]:

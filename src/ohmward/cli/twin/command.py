@@ -7,11 +7,10 @@ import time
 from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
-from ohmward.cli import wording
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import drive_options
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.paragraphs import paragraphs
+from ohmward.cli.wording import fields, paragraphs, table
 from ohmward.embedded.battery import battery_export, curve_error_of_pack_V
 from ohmward.embedded.c_library import Export
 from ohmward.embedded.comparison import compare
@@ -134,10 +133,10 @@ def describe(figures: dict[str, Any]) -> str:
         "flagged samples": flagged(figures["flags"]),
         "steps": f"{figures['steps']:,}, {1e9 * step_s:.0f} ns each",
     }
-    table = [[name, f"{value:.2g}"] for name, value in (figures["differences"] or {}).items()]
+    differences = [[name, f"{value:.2g}"] for name, value in (figures["differences"] or {}).items()]
     return paragraphs(
         f"{figures['log']} through {figures['name']!r} of {figures['library']}, after the last sample",
-        wording.fields(rows),
-        f"Compared with double precision. {figures['compared_with']}:" if table else "",
-        wording.table(["", "largest difference"], table) if table else "",
+        fields(rows),
+        f"Compared with double precision. {figures['compared_with']}:" if differences else "",
+        table(["", "largest difference"], differences) if differences else "",
     )
