@@ -65,3 +65,15 @@ def test_a_steady_charge_is_no_fault(rng):
 def test_a_current_of_few_digits_is_no_fault(rng):
     time_s, current_A, voltage_V = driven(rng)
     assert not without_stuck_current(time_s, np.round(current_A), voltage_V)[1]
+
+
+def test_neither_is_one_beside_a_voltage_of_few_digits(rng):
+    time_s, current_A, voltage_V = driven(rng, load_s=120)
+    assert not without_stuck_current(time_s, np.round(current_A, 1), np.round(voltage_V, 1))[1]
+
+
+def test_a_load_shows_in_a_voltage_of_few_digits_too(rng):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD] = 0.0
+    found_A, notes = without_stuck_current(time_s, current_A, np.round(voltage_V, 1))
+    assert len(notes) == 1 and np.isnan(found_A[1201:3600]).all()

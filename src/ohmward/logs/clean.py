@@ -18,8 +18,8 @@ from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.current_size import not_in_amperes
-from ohmward.signals.survey import find_gaps, spread, usual_interval_s
+from ohmward.signals.current_size import not_in_amperes, forgotten_scale
+from ohmward.signals.survey import find_gaps, spread, usual_interval_s, resolution
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
 LARGEST_READING = 1e18
@@ -38,8 +38,9 @@ _HUGE, _ANSWERS = 3.0, 0.2
 #: A current that stays the same for this time [s] and this many rows is stuck if large moves of the voltage reverse at
 #: least this many times, and at this fraction of the rate of large moves elsewhere.
 _STUCK_CURRENT_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_TURNS_SHARE = 60.0, 30, 6, 0.25
-#: A voltage move is large above this fraction of that at the largest current edge, and this many times the noise.
-_LARGE_MOVE, _BEYOND_NOISE = 0.1, 6.0
+#: A voltage move is large above this fraction of that at the largest current edge, this many times the noise, and this
+#: many of its smallest steps: a voltage of few digits flickers between two of them.
+_LARGE_MOVE, _BEYOND_NOISE, _BEYOND_STEP = 0.1, 6.0, 1.5
 # If fewer than this fraction of the currents have a voltage in their row, the two have different sampling rates.
 _TOGETHER_FRACTION = 0.5
 # Silences of a recorder of changes are filled up to this duration [s], each with at most this many rows.
@@ -125,7 +126,9 @@ def without_stuck_current(
     largest_A = np.abs(np.diff(current_A[known])).max(initial=0.0)
     edge_V = edge_test(current_A[known], voltage_V[known]).resistance_ohm * largest_A
     moves_V = np.diff(voltage_V, prepend=np.nan)
-    large = np.abs(moves_V) > max(_LARGE_MOVE * abs(edge_V), _BEYOND_NOISE * spread(moves_V[np.isfinite(moves_V)]))
+    noise_V = spread(moves_V[np.isfinite(moves_V)])
+    step_V = resolution(voltage_V[np.isfinite(voltage_V)])
+    large = np.abs(moves_V) > max(_LARGE_MOVE * abs(edge_V), _BEYOND_NOISE * noise_V, _BEYOND_STEP * step_V)
     elsewhere = np.isfinite(moves_V)
     for first, stop in steady:
         elsewhere[first:stop] = False
