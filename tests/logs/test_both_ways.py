@@ -26,6 +26,16 @@ def two_columns(pulses, charge, discharge, sign=1.0):
         ("current_in", "current_out"),
         ("IN_A", "OUT_A"),
         ("Amps In", "Amps Out"),
+        ("Ichg", "Idis"),
+        ("Strom Laden [A]", "Strom Entladen [A]"),
+        ("courant de charge (A)", "courant de décharge (A)"),
+        ("corriente carga", "corriente descarga"),
+        ("corrente di carica [A]", "corrente di scarica [A]"),
+        ("prąd ładowania", "prąd rozładowania"),
+        ("ток заряда", "ток разряда"),
+        ("充电电流(A)", "放电电流(A)"),
+        ("充電電流", "放電電流"),
+        ("충전 전류", "방전 전류"),
     ],
 )
 def test_the_current_is_the_charging_less_the_discharging(write_text, pulses, charge, discharge, sign):

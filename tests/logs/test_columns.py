@@ -122,7 +122,15 @@ def test_units_convert(symbol, value, si):
 
 
 @pytest.mark.parametrize(
-    ("name", "scale"), [("Amps*100", 0.01), ("current_x10", 0.1), ("I [mA] x 10", 1e-4), ("I (10mA)", 0.01)]
+    ("name", "scale"),
+    [
+        ("Amps*100", 0.01),
+        ("current_x10", 0.1),
+        ("I [mA] x 10", 1e-4),
+        ("I (10mA)", 0.01),
+        ("current_0.1A", 0.1),
+        ("Current 10mA", 0.01),
+    ],
 )
 def test_a_factor_in_a_name_is_that_of_its_numbers(name, scale):
     unit = find_columns("f.csv", ["time_s", "voltage_V", name])["current"].unit
@@ -180,6 +188,15 @@ def test_every_notation_of_a_unit_reads_alike():
             ("Batteriespannung [V]", 1.0),
         ),
         (["Zeitstempel", "Spannung", "Strom"], ("Zeitstempel", None), ("Strom", None), ("Spannung", None)),
+        (["Schrittzeit/s", "Gesamtzeit/s", "U/V", "I/A"], ("Gesamtzeit/s", 1.0), ("I/A", 1.0), ("U/V", 1.0)),
+        (
+            ["Hora", "Voltaje batería", "Corriente batería"],
+            ("Hora", None),
+            ("Corriente batería", None),
+            ("Voltaje batería", None),
+        ),
+        (["Temps", "Tension", "Intensité"], ("Temps", None), ("Intensité", None), ("Tension", None)),
+        (["uptime", "vbat", "ibat"], ("uptime", None), ("ibat", None), ("vbat", None)),
         (["unix_s", "volt", "amp"], ("unix_s", 1.0), ("amp", None), ("volt", 1.0)),
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),

@@ -135,14 +135,25 @@ def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if is_milli else "v"]
 
 
-_CHARGE = IN | word_set("charge charging charger chg chrg lade ladestrom ladeleistung")
-_DISCHARGE = OUT | word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom entladeleistung")
+#: Words that are a current of one direction, or a power, by themselves.
+_CHARGING_CURRENT = word_set("ladestrom ichg icharge 充电电流 充電電流 충전전류")
+_DISCHARGING_CURRENT = word_set("entladestrom idis idsg idischg idischarge 放电电流 放電電流 방전전류")
+_CURRENTS, _POWERS = _CHARGING_CURRENT | _DISCHARGING_CURRENT, word_set("ladeleistung entladeleistung")
+_CHARGE_NOUNS = word_set(
+    "charge charging charger chg chrg lade laden ladung carga carica ładowania заряда зарядки 충전"
+)
+_DISCHARGE_NOUNS = word_set(
+    "discharge discharging dis dsg dchg dischg dischrg entlade entladen entladung décharge decharge descarga scarica "
+    "rozładowania разряда разрядки 방전"
+)
+_CHARGE = IN | _CHARGING_CURRENT | _CHARGE_NOUNS | word_set("ladeleistung")
+_DISCHARGE = OUT | _DISCHARGING_CURRENT | _DISCHARGE_NOUNS | word_set("entladeleistung")
+#: Words that join the current and its direction: `corriente de carga`.
+_JOINING = word_set("de di do da")
 #: What goes in and out may be the two sides of a converter, which flow at once: of a battery, both flow in fewer than
 #: this share of the samples, the smaller one at more than this share of the usual size.
 _MOST_AT_ONCE = 0.05
 _FLOWS = 0.05
-#: Words that are a current, or a power, by themselves.
-_CURRENTS, _POWERS = word_set("ladestrom entladestrom"), word_set("ladeleistung entladeleistung")
 _POWER = word_set("power p leistung watts active")
 _CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
 _CURRENT_OF_POWER = "pack current"
@@ -267,7 +278,7 @@ def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
         if unit is not None and unit.dimension != of.dimension:
             return False
         words = set(letters(stem))
-        rest = frozenset(words - set(direction) - CURRENT.beside[1])
+        rest = frozenset(words - set(direction) - CURRENT.beside[1] - _JOINING)
         if words & set(direction) and (rest in naming or (not rest and (unit is not None or bool(words & alone)))):
             return True
     return False

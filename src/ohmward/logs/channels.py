@@ -69,7 +69,7 @@ IN, OUT = word_set("in input eingang"), word_set("out output ausgang")
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
-    "utc gmt inst instantaneous"
+    "utc gmt inst instantaneous batterie batería bateria batteria akku baterii акб аккумулятора"
 )
 # Words of columns that are used only if there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average last")
@@ -121,8 +121,9 @@ TIME = Channel(
              "elapsed time", "unix", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds",
              "sec", "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed",
              "last updated", "test", "x value", "cumulative time", "absolute time", "record time", "system time",
-             "zeit", "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间",
-             "時間", "시간", "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
+             "uptime", "time of day", *(f"{part}zeit" for part in ("", "gesamt", "test", "prüf", "mess", "lauf")),
+             "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
+             "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
              "dpt time", "tst", "device time", "总时间", "测试时间", "累计时间", "绝对时间", "日期"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip

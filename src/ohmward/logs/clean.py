@@ -18,8 +18,8 @@ from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.current_size import not_in_amperes, forgotten_scale
-from ohmward.signals.survey import find_gaps, spread, usual_interval_s, resolution
+from ohmward.signals.current_size import not_in_amperes
+from ohmward.signals.survey import find_gaps, resolution, spread, usual_interval_s
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
 LARGEST_READING = 1e18

@@ -87,8 +87,8 @@ UNITS: dict[str, Unit] = {_key(spelling): unit for unit, spellings in _SPELLINGS
 _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*_?(?P<rest>\d*)$")
 # `Voltage / V`, `U/V`
 _SLASH = re.compile(r"^(?P<stem>.+?)\s*/\s*(?P<unit>[^/]+?)\s*(?P<rest>)$")
-# `current_A`, `voltage mV`, `time.ms`
-_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w*)(?P<rest>)$")
+# `current_A`, `voltage mV`, `time.ms`; `voltage_0.1V`, `current 10mA`, but `range 10A` is no multiple
+_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>(?:0?\.0*1|10{1,2}(?=m[VA]))?[^\W\d_]+|[°ºµμ]\w*)(?P<rest>)$")
 # `speed_m_s`, `wheel rad/s`, `temp_deg_C`: units that are not letters alone, the longest first
 _OF_PARTS = sorted(
     (s for spellings in _SPELLINGS.values() for s in spellings if not s.isalpha()), key=len, reverse=True
