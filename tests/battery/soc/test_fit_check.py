@@ -12,7 +12,14 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import full_under_load
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.battery.soc.fit_check import DO_NOT_TRUST, LARGEST, given_after_empty, lasting_error, misfits
+from ohmward.battery.soc.fit_check import (
+    DO_NOT_TRUST,
+    LARGEST,
+    given_after_empty,
+    lasting_error,
+    misfits,
+    moved_uncounted,
+)
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.logs.log import Log, Note
 
@@ -102,6 +109,32 @@ def test_a_sensor_without_an_error_is_no_misfit(tested):
     run = estimator.run(log)
     assert not misfits(exact, log, run.settings, run.estimates)
     assert not np.any(run.estimates.flags.astype(int) & SocFlag.MISFIT)
+
+
+def moved(soc, std=0.05, current_A=0.0, flags=0.0, offset_std_A=0.0, duration_s=60.0):
+    """What `moved_uncounted` finds in estimates (T,) of a battery of 1 Ah."""
+    T = len(soc)
+    log = Log("moved", np.linspace(0.0, duration_s, T), np.full(T, current_A), np.full(T, 3.7))
+    values = {"soc": soc, "soc_std": std, "flags": flags}
+    estimates = SocEstimate(*(np.broadcast_to(values.get(name, 0.0), T) for name in SocEstimate._fields))
+    return moved_uncounted(log, estimates, 1.0, CurrentSensor(1.0, offset_std_A=offset_std_A))
+
+
+def test_a_charge_that_moves_by_itself_is_measured_in_its_deviations_before():
+    assert moved([0.9, 0.9, 0.6], std=[0.05, 0.05, 0.2]) == pytest.approx(6.0)
+
+
+def test_the_band_may_narrow_and_the_charge_be_counted():
+    assert moved([0.9, 0.7, 0.6], std=[0.2, 0.1, 0.05]) == pytest.approx(1.5)
+    assert moved([0.90, 0.95], current_A=3.0) == pytest.approx(0.0, abs=1e-9)  # for a minute
+
+
+def test_an_offset_within_its_deviation_moves_the_charge():
+    assert moved([0.9, 0.8], std=0.05, offset_std_A=0.05, duration_s=7200.0) == pytest.approx(0.1 / np.hypot(0.05, 0.1))
+
+
+def test_estimates_before_and_after_a_gap_are_not_compared():
+    assert moved([0.9, 0.9, 0.2, 0.2], flags=[0.0, 0.0, SocFlag.GAP, 0.0]) == 0.0
 
 
 def test_errors_over_those_that_are_expected():
