@@ -2,7 +2,12 @@
 
 import pytest
 
-from ohmward.logs.battery_columns import serial_column, serial_numbers
+from ohmward.battery.chemistries import generic_battery
+from ohmward.fleet.learning import BatteryFiles, by_battery
+from ohmward.logs.battery_columns import serial_column
+from ohmward.logs.log import ReadOptions
+from ohmward.logs.read import open_table
+from ohmward.logs.selection import labels_in
 
 
 @pytest.mark.parametrize(
@@ -20,27 +25,28 @@ def test_other_columns_are_not(name):
 @pytest.mark.parametrize(
     "cells, found",
     [
-        (["A7", "A7", "A7"], ("A7",)),
-        (["A7", "", "B8"], ("A7", "B8")),
-        (["1204", "1204", "1204"], ("1204",)),
-        (["12.0", "", "13.0"], ("12", "13")),
-        (["", "", ""], ()),
+        (["A7", "A7", "A7"], ["A7"]),
+        (["A7", "", "B8"], ["A7", "B8"]),
+        (["1204", "1204", "1204"], ["1204"]),
+        (["12.0", "", "13.0"], ["12", "13"]),
+        (["", "", ""], []),
     ],
 )
 def test_the_values_are_texts_in_order(tmp_path, cells, found):
     rows = "".join(f"{t},-1.0,{3.7 - 0.1 * t},{cell}\n" for t, cell in enumerate(cells))
     path = tmp_path / "log.csv"
     path.write_text(f"time_s,current_A,voltage_V,serial\n{rows}")
-    assert serial_numbers(path) == tuple(("serial", value) for value in found)
+    assert labels_in(open_table(path), "serial") == found
 
 
 def test_rows_that_are_selected_have_the_number_that_selects_them(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time_s,current_A,voltage_V,serial\n0,-1,3.7,A\n1,-1,3.7,B\n")
-    assert serial_numbers(path, {"serial": "B"}) == (("serial", "B"),)
+    text = f"{path}:serial=B"
+    assert by_battery(text, ReadOptions(), BatteryFiles(generic_battery("nmc", 12.0), None)) == [(text, "B")]
 
 
 def test_a_file_without_the_column_has_none(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time_s,current_A,voltage_V\n0,-1,3.7\n1,-2,3.6\n")
-    assert serial_numbers(path) == ()
+    assert by_battery(str(path), ReadOptions(), BatteryFiles(generic_battery("nmc", 12.0), None)) == [(str(path), "")]

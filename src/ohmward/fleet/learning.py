@@ -13,9 +13,10 @@ from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_log_of
 from ohmward.fleet.run import digest_of, file_name, fingerprint, read_rows, write_rows
-from ohmward.logs.battery_columns import serial_numbers
+from ohmward.logs.battery_columns import serial_column
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.selection import selected_name, split_selection
+from ohmward.logs.read import open_table
+from ohmward.logs.selection import labels_in, selected_name, split_selection
 
 #: Result of a log: its file and battery, then the fields of the update; in the journal: a log and its updates.
 Row = dict[str, Any]
@@ -86,17 +87,20 @@ def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tup
         InputError: the log cannot be read, or holds several batteries where the output is one file.
     """
     path, where = split_selection(text)
-    found = serial_numbers(path, dict(reading.where) | where)
+    rows = dict(reading.where) | where
+    file = open_table(path)
+    column = serial_column(file.names)
+    found = [] if column is None else [str(rows[column])] if column in rows else labels_in(file, column)
     if len(found) < 2:
-        return [(text, found[0][1] if found else "")]
-    parts = [(f"{text}{',' if where else ':'}{column}={serial}", serial) for column, serial in found]
+        return [(text, found[0] if found else "")]
+    parts = [(f"{text}{',' if where else ':'}{column}={serial}", serial) for serial in found]
     if files.one_for_each:
         return parts
     own = files.after[files.open("")].serial_number
     if not own:
         raise InputError(
-            f"it holds batteries with several serial numbers ({', '.join(serial for _, serial in found)}); choose one "
-            f"with --where {found[0][0]}={found[0][1]}, or give a folder as --output"
+            f"it holds batteries with several serial numbers ({', '.join(found)}); choose one with --where "
+            f"{column}={found[0]}, or give a folder as --output"
         )
     return [part for part in parts if part[1] == own] or parts[:1]
 

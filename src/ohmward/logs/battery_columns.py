@@ -1,20 +1,20 @@
-"""Further columns of a battery: cells, a current for each direction, power, mode, full charge, serial number."""
+"""Further columns of a battery: cells, a current for each direction, power, mode, full charge, serial number.
+
+`columns` and `units` of the functions `with_...` are those that the caller named.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
-from os import PathLike
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.channels import CURRENT, IN, OUT, VOLTAGE, Channel, letters, word_set
 from ohmward.logs.columns import Column, find_column, has_input_voltage
-from ohmward.logs.read import open_table
-from ohmward.logs.selection import labels_in
 from ohmward.logs.table import Note, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 from ohmward.quantities import words_of
@@ -99,10 +99,7 @@ def is_named(row: Sequence[str]) -> bool:
 
 
 def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
-    """The file with the sum of its cell voltages as a column, where it has cells and no voltage of the pack.
-
-    columns: those that the caller named.
-    """
+    """The file with the sum of its cell voltages as a column, where it has cells and no voltage of the pack."""
     all_rows = numbered_rows(file.names)
     rows = [row for row in all_rows if is_named(row)]
     # V1, V2, V3 and more, or U1 (V): voltages that have nothing but a number
@@ -167,8 +164,6 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
 
     The magnitude of each is used, whatever its sign: the column gives the direction. What flows in and out at once is
     refused where the columns are read: it may go through a converter.
-
-    columns: those that the caller named.
     """
     for quantity, column, unit in (("current", _CURRENT, CURRENT.default), ("power", _POWER_COLUMN, UNITS["w"])):
         both = [_only([n for n in file.names if _is_one_way(n, way, unit)]) for way in (_CHARGE, _DISCHARGE)]
@@ -214,10 +209,7 @@ def _check_one_way(charge: np.ndarray, discharge: np.ndarray, quantity: str, nam
 def with_power(
     file: TableFile, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> TableFile:
-    """The file with power divided by voltage as a current column, if it has one battery power and no current.
-
-    columns, units: those that the caller named.
-    """
+    """The file with power divided by voltage as a current column, if it has one battery power and no current."""
     power = power_column(file)
     if power is None or _has(file, CURRENT, columns):
         return file
@@ -397,19 +389,3 @@ def serial_column(names: tuple[str, ...]) -> str | None:
     """The column that holds the serial number of the battery, `battery_serial` or `Serial No.`; None for none."""
     fits = (name for name in names if _OF_BATTERY.sub("", re.sub(r"[^a-z]", "", name.lower())) in _SERIAL)
     return next(fits, None)
-
-
-def serial_numbers(
-    source: str | PathLike[str] | Any, where: Mapping[str, float | str] | None = None
-) -> tuple[tuple[str, str], ...]:
-    """Column and value of each serial number in a file, in order of appearance; () for a file without any.
-
-    where: column -> value of the rows wanted; if it gives a serial number, that is the only one.
-    """
-    file = open_table(source)
-    column = serial_column(file.names)
-    if column is None:
-        return ()
-    if column in (where or {}):
-        return ((column, str((where or {})[column])),)
-    return tuple((column, label) for label in labels_in(file, column))

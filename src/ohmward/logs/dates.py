@@ -123,12 +123,9 @@ def _tidied(cell: str) -> str:
 
 
 def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
-    """Dates of all cells in one notation.
+    """Dates of all cells in one notation; ValueError with a cell that is none.
 
     time_format: a format of `strptime`; None finds the notation from the cells.
-
-    Raises:
-        ValueError: with the cell that is not a date; see `unreadable`.
     """
     if time_format is not None and time_format != EXCEL:
         parsed = [datetime.strptime(cell.strip(), time_format) if cell.strip() else None for cell in cells]

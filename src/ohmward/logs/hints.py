@@ -32,11 +32,7 @@ class FileHints(NamedTuple):
     dbc: str | None = None  #: path of the CAN database, for a recording of CAN frames
 
     def checked(self) -> FileHints:
-        """The same hints, once checked.
-
-        Raises:
-            InputError: an encoding or a time zone that does not exist, an interval that is not > 0.
-        """
+        """The same hints; InputError for an unknown encoding or time zone, or an interval that is not > 0."""
         if self.encoding is not None:
             try:
                 codecs.lookup(self.encoding)

@@ -300,9 +300,6 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
     two recordings would be mixed.
 
     sort_time: sort whatever the file's order.
-
-    Raises:
-        InputError: the file holds several recordings, or its time runs backwards.
     """
     time_s = table.columns[time]
     if not (time_s[1:] < time_s[:-1]).any():

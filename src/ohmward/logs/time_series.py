@@ -42,11 +42,7 @@ class TimeSeries(RichDisplay):
         return np.diff(self.time_s)
 
     def column(self, name: str) -> np.ndarray:
-        """A further column (T,) of the file, in its own unit; `extra` has them all.
-
-        Raises:
-            InputError: there is no such column; the message names the nearest one.
-        """
+        """A column (T,) of `extra`, in its own unit; InputError with the nearest name where there is none."""
         if name in self.extra:
             return self.extra[name]
         names = list(self.extra)
@@ -84,11 +80,7 @@ class TimeSeries(RichDisplay):
         return replace(log, notes=self.notes + notes)
 
     def part(self, hints: FileHints) -> Self:
-        """The part of the log between `start` and `stop` of the hints; all of it if they give neither.
-
-        Raises:
-            InputError: it has no sample, or its ends are not times of this log.
-        """
+        """The part between `start` and `stop` of the hints, if they give them; InputError where it has no sample."""
         window = window_s(self.name, self.start_unix_s, hints)
         return self if window is None else self.between(*window)
 

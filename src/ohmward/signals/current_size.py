@@ -182,16 +182,16 @@ def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
 
 
 class NoAmperes(NamedTuple):
-    """A current that cannot be in amperes: the reason, a clause, and the likely unit, None where it would be larger."""
+    """A current that cannot be in amperes."""
 
-    reason: str
-    scale: Scale | None
+    reason: str  #: a clause
+    scale: Scale | None  #: the likely unit; None for a larger one
 
 
 def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | None:
-    """What a current cannot be whose resistance in amperes is less than cells have, or more; None for any other.
+    """The reason why a current is not in amperes: the resistance would be less than cells have, or more; else None.
 
-    It is more for the power of a column in kilowatts that is read in watts.
+    It would be more for a power in kilowatts that is read in watts.
 
     current_A, voltage_V: (T,), nan where not known.
     """
