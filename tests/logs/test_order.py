@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from ohmward.errors import InputError
 from ohmward.logs.selection import (
     find_restarts,
-    merge_equal_times,
     require_one_instance,
     settle_equal_times,
     sort_rows,
@@ -31,7 +30,7 @@ def test_sorting_keeps_the_order_of_equal_times():
     """Of equal times the last row counts, so sorting must not exchange them."""
     time_s = np.repeat(np.arange(100.0), 20)
     time_s[[990, 991]] = [50.0, 49.5]
-    merged = merge_equal_times(sort_rows(table(time_s, row=np.arange(2000.0)), "time"), "time")
+    merged = settle_equal_times(sort_rows(table(time_s, row=np.arange(2000.0)), "time"), "time", ())
     last = {time: row for row, time in enumerate(time_s)}
     np.testing.assert_array_equal(merged.columns["row"], [last[time] for time in sorted(last)])
 
@@ -77,9 +76,8 @@ def test_restarts_are_falls_beyond_lateness():
 
 
 def test_equal_times_keep_the_last_value_of_each_column():
-    merged = merge_equal_times(
-        table([0.0, 1.0, 1.0, 1.0, 2.0], a=[0, 1, 2, np.nan, 4], b=[np.nan, np.nan, 7, 8, np.nan]), "time"
-    )
+    rows = table([0.0, 1.0, 1.0, 1.0, 2.0], a=[0, 1, 2, np.nan, 4], b=[np.nan, np.nan, 7, 8, np.nan])
+    merged = settle_equal_times(rows, "time", ())
     np.testing.assert_array_equal(merged.columns["time"], [0.0, 1.0, 2.0])
     np.testing.assert_array_equal(merged.columns["a"], [0.0, 2.0, 4.0])
     np.testing.assert_array_equal(merged.columns["b"], [np.nan, 8.0, np.nan])
@@ -94,7 +92,7 @@ def test_merging_agrees_with_a_dictionary(times, data):
     for time, value in zip(times, values, strict=True):
         if time not in expected or not np.isnan(value):
             expected[time] = value
-    merged = merge_equal_times(table(times, x=values), "time")
+    merged = settle_equal_times(table(times, x=values), "time", ())
     np.testing.assert_array_equal(merged.columns["time"], list(expected))
     np.testing.assert_array_equal(merged.columns["x"], list(expected.values()))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import accumulate
@@ -56,17 +56,24 @@ class Job:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
         battery = BATTERY_FILE.parse(self.battery)
         estimator = make_estimator(self.filter, battery)
-        logs: dict[str, Log] = {}
         rows: dict[str, dict[str, Any]] = {}
-        for path in paths:
-            try:
-                logs[path] = check_log(read_log_of(battery, path, self.reading, ()), battery)
-            except OhmwardError as error:
-                rows[path] = failed(path, str(error))
+        logs = self.read(paths, battery, rows, ())
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
         for (path, log), found in zip(logs.items(), estimates, strict=True):
             rows[path] = _row(path, log, battery, estimator, found) | _written(self.estimates, path, log, found)
         return [rows[path] for path in paths]
+
+    def read(
+        self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]], extra: Collection[str] | None
+    ) -> dict[str, Log]:
+        """The logs that can be used, by their names; `rows` gets the others, each with its reason."""
+        logs: dict[str, Log] = {}
+        for text in texts:
+            try:
+                logs[text] = check_log(read_log_of(battery, text, self.reading, extra), battery)
+            except OhmwardError as error:
+                rows[text] = failed(text, str(error))
+        return logs
 
 
 def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: SocEstimate) -> dict[str, Any]:
@@ -163,22 +170,15 @@ class RobotJob:
 
     def _read(self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]]) -> list[_Dated]:
         """The logs that can be used, in order of time; `rows` gets the others, each with its reason."""
-        read: list[tuple[str, Log]] = []
-        for text in texts:
-            try:
-                log = check_log(read_log_of(battery, text, self.settings.reading), battery)
-                read.append((text, log))
-            except OhmwardError as error:
-                rows[text] = failed(text, str(error))
-        has_clock = [log.start_unix_s is not None for _, log in read]
-        if not any(has_clock):
+        read = self.settings.read(texts, battery, rows, None)
+        if all(log.start_unix_s is None for log in read.values()):
             # in the order in which they are given, with an assumed pause between them
-            starts_s = accumulate((log.duration_s + UNKNOWN_PAUSE_S for _, log in read), initial=0.0)
-            return [_Dated(text, log, start_s) for (text, log), start_s in zip(read, starts_s, strict=False)]
-        for text, log in read:
+            starts_s = accumulate((log.duration_s + UNKNOWN_PAUSE_S for log in read.values()), initial=0.0)
+            return [_Dated(text, log, start_s) for (text, log), start_s in zip(read.items(), starts_s, strict=False)]
+        for text, log in read.items():
             if log.start_unix_s is None:
                 rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
-        dated = sorted((first, text, log) for text, log in read if (first := log.begin_unix_s) is not None)
+        dated = sorted((first, text, log) for text, log in read.items() if (first := log.begin_unix_s) is not None)
         usable: list[_Dated] = []
         end_s, before = -math.inf, ""
         for first_s, text, log in dated:

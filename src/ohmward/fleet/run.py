@@ -123,11 +123,7 @@ def failed(path: str, reason: str) -> dict[str, Any]:
 
 
 def rows_of(job: FleetJob, batch: list[str]) -> list[dict[str, Any]]:
-    """Rows of a batch; if it ends in an unexpected error it is run log by log, and those that fail alone are reported.
-
-    Raises:
-        OhmwardError: of the job itself.
-    """
+    """Rows of a batch; after an unexpected error it is run log by log, and those that fail alone are reported."""
     try:
         return job.run(batch)
     except OhmwardError:

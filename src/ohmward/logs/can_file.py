@@ -236,11 +236,7 @@ _Received = tuple[tuple[int, bool], float, bytes]
 
 
 def received_frames(path: Path) -> Iterator[_Received]:
-    """The frames in a recording of a CAN bus: candump, ASC, BLF, TRC or a table of python-can or SavvyCAN.
-
-    Raises:
-        InputError: it is none of these, or cannot be read.
-    """
+    """The frames in a recording of a CAN bus of any kind; InputError where it is none, or cannot be read."""
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     reader = _BLF if head.startswith(_BLF_MAGIC) else can_reader(head)

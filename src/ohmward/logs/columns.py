@@ -186,11 +186,7 @@ def find_column(
 
 
 def named_column(source: str, names: Sequence[str], quantity: str, wanted: str, unit_is_given: bool = False) -> Column:
-    """The column that the caller named, in upper or lower case.
-
-    Raises:
-        InputError: there is none, or it names the unit of another quantity and no other unit is given.
-    """
+    """The column that the caller named, in any case; InputError for none, or one in a unit of another quantity."""
     exact = [name for name in names if name == wanted] or [n for n in names if n.lower() == str(wanted).lower()]
     exact = exact or [name for name in names if name.startswith(f"{wanted} [")]  # the unit stood in a row or in cells
     if not exact:

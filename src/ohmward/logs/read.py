@@ -86,13 +86,8 @@ STANDARD_INPUT = "-"
 _STREAM = "standard input"
 
 
-def is_stream(path: Path) -> bool:
-    """True for `-` and for pipes, which can be read only once."""
-    return str(path) == STANDARD_INPUT or path.is_fifo() or path.is_char_device() or path.is_socket()
-
-
-def stored(path: Path) -> Path:
-    """Copy a stream to a temporary file, deleted when the process ends; InputError where it is empty."""
+def _stored(path: Path) -> Path:
+    """Copy a stream, which can be read only once, to a temporary file that is deleted when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = folder / _STREAM
@@ -177,8 +172,8 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
         )
     path = Path(source)
     try:
-        if is_stream(path):
-            path = stored(path)
+        if str(path) == STANDARD_INPUT or path.is_fifo() or path.is_char_device() or path.is_socket():
+            path = _stored(path)
         if path.is_dir() and not is_recording(path):
             return _open_folder(path, hints)
         return open_bag(path) if is_recording(path) else _open_file(path, hints)

@@ -39,11 +39,7 @@ _MORE_CHANGE = 1.5
 
 
 def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
-    """The rows in which every named column has the wanted value; numbers compare as numbers, all else as text.
-
-    Raises:
-        InputError: a column does not exist or no row has the value.
-    """
+    """The rows in which every named column has the wanted value, as a number or as text; InputError where none has."""
     for name, wanted in where.items():
         picked = _equal(table, name, wanted)
         if not picked.any():
@@ -345,14 +341,32 @@ def require_one_instance(table: Table, time: str, channels: Collection[str]) -> 
 def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Table:
     """Give each row a time of its own.
 
-    Rows of one time that hold different channels, or repeat the same values, become one row. Rows that measured the
-    same channel again are separate readings: if they are many, the stamps are too coarse, and the rows are spread over
-    the interval between stamps; if they are few, the last one counts, with a warning.
+    Rows of one time that hold different channels, or repeat the same values, become one row, with the last value of
+    each column that is not NaN. Rows that measured the same channel again are separate readings: if they are many, the
+    stamps are too coarse, and the rows are spread over the interval between stamps; if they are few, the last one
+    counts, with a warning.
     """
     share, differ = find_repeats(table, time, channels)
     if differ and share > _MOST_REPEATED:
         return _spread(table, time)
-    return merge_equal_times(table, time, "warning" if differ else "info")
+    time_s = table.columns[time]
+    later = time_s[1:] > time_s[:-1]
+    if later.all():
+        return table
+    first = np.flatnonzero(np.concatenate([[True], later]))
+    columns = {}
+    for name, values in table.columns.items():
+        rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+        last = np.maximum.reduceat(rows, first)
+        columns[name] = np.where(last >= 0, values[last], np.nan)
+    repeated = time_s.size - first.size
+    percent = 100.0 * repeated / time_s.size
+    note = Note(
+        f"{repeated} of {counted(time_s.size, 'row')} ({percent:.3g} %) with the time of the row before: the last "
+        "value of each column kept",
+        "warning" if differ else "info",
+    )
+    return table._replace(columns=columns, line=table.line[first]).with_notes(note)
 
 
 def find_repeats(table: Table, time: str, channels: Collection[str]) -> tuple[float, bool]:
@@ -371,31 +385,6 @@ def find_repeats(table: Table, time: str, channels: Collection[str]) -> tuple[fl
         again[rows[:-1][same]] = True
         differ = differ or bool((values[rows[1:]] != values[rows[:-1]])[same].any())
     return float(again.mean()), differ
-
-
-def merge_equal_times(table: Table, time: str, level: str = "info") -> Table:
-    """One row for each time; of rows with the same time, the last value of each column that is not NaN counts.
-
-    level: of its note.
-    """
-    time_s = table.columns[time]
-    later = time_s[1:] > time_s[:-1]
-    if later.all():
-        return table
-    first = np.flatnonzero(np.concatenate([[True], later]))
-    columns = {}
-    for name, values in table.columns.items():
-        rows = np.where(np.isfinite(values), np.arange(values.size), -1)
-        last = np.maximum.reduceat(rows, first)
-        columns[name] = np.where(last >= 0, values[last], np.nan)
-    repeated = time_s.size - first.size
-    percent = 100.0 * repeated / time_s.size
-    note = Note(
-        f"{repeated} of {counted(time_s.size, 'row')} ({percent:.3g} %) with the time of the row before: the last "
-        "value of each column kept",
-        level,
-    )
-    return table._replace(columns=columns, line=table.line[first]).with_notes(note)
 
 
 def _spread(table: Table, time: str) -> Table:

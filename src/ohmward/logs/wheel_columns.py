@@ -305,13 +305,10 @@ _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in wor
 def wheel_speed(
     source: str, name: str, unit: Unit, values: np.ndarray, time_s: np.ndarray, mechanics: Mechanics
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The speed of a wheel (T,) [rad/s] from a column, and a note where a counter rolled over.
+    """The speed of a wheel (T,) [rad/s] from a column, and notes; InputError without the radius or counts it needs.
 
     source, name: of the file and the column, for messages.
     values: (T,) in `unit`.  time_s: (T,) [s], increasing.
-
-    Raises:
-        InputError: the radius or the counts per turn are needed and not given.
     """
     if unit.dimension in ("speed", "length"):
         if mechanics.radius_m is None:

@@ -126,11 +126,7 @@ def open_recording(path: Path) -> Recording:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """The files of a recording in a folder, in the order in which they were written; none if there is no recording.
-
-    Raises:
-        InputError: files that are compressed as a whole.
-    """
+    """The files of a recording in a folder, as they were written, or none; InputError for one compressed as a whole."""
     try:
         files = sorted((path for path in folder.iterdir() if path.name.endswith(RECORDING_ENDINGS[:2])), key=in_order)
         packed = [
@@ -262,12 +258,7 @@ _YEAR_2000_NS = 946_684_800 * 10**9
 
 
 def open_bag(path: Path) -> TableFile:
-    """The columns of a ROS recording, from all topics of known types.
-
-    Raises:
-        InputError: not a ROS recording, or one without messages.
-        OhmwardError: the package rosbags is not installed.
-    """
+    """The columns of a ROS recording, from all topics of known types; InputError where it holds no message."""
     recording = open_recording(path)
     first = recording.first_messages()
     if not first:

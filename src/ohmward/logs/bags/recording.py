@@ -93,12 +93,7 @@ Definitions = dict[str, Fields]
 
 @lru_cache(maxsize=64)
 def definitions_of(topic: Topic) -> Definitions:
-    """The type of a topic and all types that it uses.
-
-    Raises:
-        InputError: a type that neither the recording nor ROS defines.
-        OhmwardError: the package rosbags is not installed.
-    """
+    """The type of a topic and all types that it uses; InputError where neither the recording nor ROS defines it."""
     typesys = require("rosbags.typesys", "a recording of ROS")
     store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if topic.encoding == ROS1 else typesys.Stores.LATEST)
     known = dict(store.fielddefs)
