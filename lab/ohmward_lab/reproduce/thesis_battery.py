@@ -223,8 +223,7 @@ def voltage_by_method() -> Result:
         )
     for when, of in _VOLTAGE_ERROR.items():
         rows += _order(of, f"voltage {when} the sample")
-    sigma_mV: _Series = lambda found, _: 1e3 * _root(found.voltage_variance_V2)  # noqa: E731
-    rows += _variance_rows("Standard deviation of the voltage", "mV", sigma_mV, _VARIANCE)
+    rows += _variance_rows("Standard deviation of the voltage", "mV", _voltage_std_mV, _VARIANCE)
     return Result(tuple(rows), _method_figures())
 
 
@@ -238,6 +237,10 @@ def _variance_rows(what: str, unit: str, of: _Series, why: str) -> list[ResultRo
         )
         rows.append(ResultRow(f"{what} by {method.upper()} itself", unit, None, printed, corrected, None, why))
     return rows
+
+
+def _voltage_std_mV(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
+    return 1e3 * _root(found.voltage_variance_V2)
 
 
 def _soc_std(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
@@ -272,10 +275,10 @@ def _method_figures() -> tuple[Figure, ...]:
     t = case(*FIRST).log.time_s
     found = {m: run(m, True, *FIRST) for m in METHODS}
     innovation = [Series(t, 1e3 * f.innovation_V, m.upper()) for m, f in found.items()]
-    variance = [Series(t, np.sqrt(f.voltage_variance_V2) * 1e3, m.upper()) for m, f in found.items()]
+    stds = [Series(t, _voltage_std_mV(f, case(*FIRST)), m.upper()) for m, f in found.items()]
     return (
         Figure("Voltage error before the sample", TIME, "Error [mV]", innovation),
-        Figure("Standard deviation of the voltage", TIME, "sigma [mV]", variance),
+        Figure("Standard deviation of the voltage", TIME, "sigma [mV]", stds),
     )
 
 

@@ -23,7 +23,7 @@ _GRID_S = 1.0
 #: changes from trip to trip.
 _MASS_KG, _PAYLOAD_KG = 50.0, 20.0
 #: Coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil.
-_ROLLING = 0.045
+_ROLLING_RESISTANCE = 0.045
 #: Slowest and fastest speed of a leg, acceleration when starting and braking, standard deviation of the slope of a leg.
 _SPEED_M_S, _ACCELERATION_M_S2, _GRADE_STD = (0.3, 0.9), 0.5, 0.02
 #: Battery to wheel; share of the braking power that comes back.
@@ -80,7 +80,7 @@ def drive(rng: np.random.Generator, duration_s: float) -> Profile:
         tool[rows] = _TOOL_W * (rng.random() < 1 / 3)
         start += leg.size
     rough = 1.0 + 0.25 * rng.standard_normal(time_s.size)
-    power = shaft_power_W(speed, mass, grade, _ROLLING * rough)
+    power = shaft_power_W(speed, mass, grade, _ROLLING_RESISTANCE * rough)
     battery = np.where(power > 0.0, power / _EFFICIENCY, power * _REGENERATION) + tool * (speed > 0.0)
     return Profile(time_s, -(battery + _IDLE_W) / _NOMINAL_V, np.zeros(time_s.size))
 
