@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ohmward.report.axis import XAxis, linear_ticks, log_ticks, shared_x, tick_labels
+from ohmward.report.axis import XAxis, linear_ticks, shared_x, tick_labels
 from ohmward.report.figure import DOT_PX, MEANING, SHADES, SURFACES, Figure, Side, Theme, colours, envelope
 from ohmward.runs import runs
 
@@ -41,8 +41,21 @@ class Scale(NamedTuple):
 
     def ticks(self, intervals: int) -> list[tuple[float, str]]:
         """Position [px] and label of the nice values within the scale."""
-        values = log_ticks(self.low, self.high) if self.log else linear_ticks(self.low, self.high, intervals)
-        return list(zip(self.px(values).tolist(), tick_labels(values, self.log), strict=True))
+        if not self.log:
+            values = linear_ticks(self.low, self.high, intervals)
+            return list(zip(self.px(values).tolist(), tick_labels(values), strict=True))
+        values = log_ticks(self.low, self.high)
+        return [(px, *tick_labels(value)) for px, value in zip(self.px(values).tolist(), values[:, None], strict=True)]
+
+
+def log_ticks(low: float, high: float) -> np.ndarray:
+    """Powers of ten within [low, high], 0 < low < high; if there are fewer than two, 2 and 5 times them as well."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for multiples in ((1,), (1, 2, 5)):
+        ticks = [m * 10.0**e for e in exponents for m in multiples if low <= m * 10.0**e <= high]
+        if len(ticks) >= 2:
+            break
+    return np.array(ticks)
 
 
 class Area(NamedTuple):

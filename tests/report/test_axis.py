@@ -12,7 +12,6 @@ from ohmward.report.axis import (
     WallClock,
     decimals,
     linear_ticks,
-    log_ticks,
     nice_step,
     shared_x,
     tick_labels,
@@ -54,13 +53,6 @@ def test_linear_ticks_lie_inside_and_are_multiples_of_their_step(low, span):
 )
 def test_tick_labels_read_as_written_by_hand(low, high, labels):
     assert tick_labels(linear_ticks(low, high, 5)) == labels
-
-
-def test_log_ticks_are_powers_of_ten_or_in_a_short_range_their_multiples():
-    assert tick_labels(log_ticks(5e-6, 200.0), log=True) == [
-        "1e−5", "1e−4", "0.001", "0.01", "0.1", "1", "10", "100",
-    ]  # fmt: skip
-    assert log_ticks(1.5, 60.0).tolist() == [2, 5, 10, 20, 50]
 
 
 @pytest.mark.parametrize(("duration", "name"), [(1, "s"), (179, "s"), (181, "min"), (10_799, "min"), (10_801, "h")])

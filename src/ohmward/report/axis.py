@@ -100,22 +100,12 @@ def linear_ticks(low: float, high: float, intervals: int = 6) -> np.ndarray:
     return np.round(np.arange(first, last + 1) * step, decimals(step)) + 0.0
 
 
-def log_ticks(low: float, high: float) -> np.ndarray:
-    """Powers of ten within [low, high], 0 < low < high; if there are fewer than two, 2 and 5 times them as well."""
-    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    for multiples in ((1,), (1, 2, 5)):
-        ticks = [m * 10.0**e for e in exponents for m in multiples if low <= m * 10.0**e <= high]
-        if len(ticks) >= 2:
-            break
-    return np.array(ticks)
-
-
-def tick_labels(ticks: np.ndarray, log: bool = False) -> list[str]:
+def tick_labels(ticks: np.ndarray) -> list[str]:
     """Ticks as text: the decimals that their step needs, an exponent for very large or small ones."""
     if ticks.size == 0:
         return []
     largest = float(np.abs(ticks).max())
-    if log or largest >= 1e6 or largest < 1e-3:
+    if largest >= 1e6 or largest < 1e-3:
         texts = [_compact(float(t)) for t in ticks]
     else:
         step = float(np.diff(ticks).min()) if ticks.size > 1 else largest

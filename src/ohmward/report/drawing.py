@@ -36,38 +36,6 @@ _STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
 }
 
 
-def of_figures(figures: Sequence[Figure], canvas: Any) -> Any:
-    """Stacked axes on one x axis; canvas: a new figure of matplotlib, which is returned."""
-    heights = [figure.height_px * _PX_IN for figure in figures]
-    canvas.set_size_inches(_WIDTH_IN, sum(heights) + _AROUND_IN * len(figures))
-    canvas.set_layout_engine("constrained")
-    axes = canvas.subplots(len(figures), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-    x_axis = shared_x(figures)
-    for figure, ax in zip(figures, axes, strict=True):
-        _draw(figure, ax, x_axis)
-    axes[-1].set_xlabel(x_axis.label)
-    return canvas
-
-
-def new_canvas() -> Any:
-    """A new figure of pyplot, which a notebook or `pyplot.show()` shows."""
-    return require("matplotlib.pyplot", "to_matplotlib").figure()
-
-
-def write(path: Path, draw: Any) -> None:
-    """Write a drawing to a file, complete or not at all.
-
-    path: ends in one of `SUFFIXES`; draw: draws on a new figure of matplotlib, which no window shows.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-        OhmwardError: the file cannot be written.
-    """
-    matplotlib = require("matplotlib.figure", f"a picture as {path.suffix.lower()}")
-    with replacing(path) as temporary:
-        draw(matplotlib.Figure()).savefig(temporary, format=path.suffix[1:].lower(), dpi=_DPI)
-
-
 def add_line(ax: Any, x: np.ndarray, y: np.ndarray, colour: str, label: str, style: Style = "line") -> None:
     """A line on axes of matplotlib; colour: its name in `SHADES`."""
     ax.plot(x, y, color=_colour(colour), label=label, **_STYLES[style])
@@ -156,7 +124,7 @@ class Drawing(ABC):
         Raises:
             MissingPackageError: matplotlib is not installed.
         """
-        return self.draw(new_canvas())
+        return self.draw(require("matplotlib.pyplot", "to_matplotlib").figure())
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a zoomable page (.html) or a picture (.svg, .pdf, .png), complete or not at all.
@@ -168,7 +136,9 @@ class Drawing(ABC):
         """
         path = Path(path)
         if path.suffix.lower() in SUFFIXES:
-            write(path, self.draw)
+            matplotlib = require("matplotlib.figure", f"a picture as {path.suffix.lower()}")
+            with replacing(path) as temporary:
+                self.draw(matplotlib.Figure()).savefig(temporary, format=path.suffix[1:].lower(), dpi=_DPI)
         elif path.suffix.lower() in (".html", ".htm"):
             self.page().write(path)
         else:
@@ -202,7 +172,15 @@ class Plot(Drawing):
 
     def draw(self, canvas: Any) -> Any:
         """Draw the figures stacked on a figure of matplotlib."""
-        return of_figures(self.figures, canvas)
+        heights = [figure.height_px * _PX_IN for figure in self.figures]
+        canvas.set_size_inches(_WIDTH_IN, sum(heights) + _AROUND_IN * len(heights))
+        canvas.set_layout_engine("constrained")
+        axes = canvas.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+        x_axis = shared_x(self.figures)
+        for figure, ax in zip(self.figures, axes, strict=True):
+            _draw(figure, ax, x_axis)
+        axes[-1].set_xlabel(x_axis.label)
+        return canvas
 
     @property
     def height_px(self) -> int:

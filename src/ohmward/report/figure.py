@@ -65,6 +65,12 @@ def colours(roles: Sequence[Role]) -> list[str]:
     return names
 
 
+def style_sheet() -> str:
+    """The colours of a page: light, dark where the reader prefers it, light on paper."""
+    dark = f"@media screen and (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
+    return f":root{{{css_variables('light')}}}{dark}"
+
+
 def css_variables(theme: Theme) -> str:
     """`--paper:#f6f7f9;--blue:#0072b2;...` for a style sheet."""
     return "".join(f"--{name}:{getattr(shade, theme)};" for name, shade in (SURFACES | SHADES).items())

@@ -149,7 +149,6 @@ def _polyline(line: Line, area: Area) -> str:
 
 
 def _x_axis(area: Area, label: str) -> str:
-    """Grid, ticks and label below."""
     bottom = TOP_PX + area.height * area.px_per_unit
     ticks = linear_ticks(area.x, area.x + area.width, max(int(area.width * area.px_per_unit // 90), 1))
     at_px = to_px(area, ticks, np.full(len(ticks), area.y))[:, 0]
@@ -164,7 +163,6 @@ def _x_axis(area: Area, label: str) -> str:
 
 
 def _y_axis(area: Area, label: str) -> str:
-    """Grid, ticks and label at the left."""
     right = LEFT_PX + area.width * area.px_per_unit
     ticks = linear_ticks(area.y, area.y + area.height, max(int(area.height * area.px_per_unit // 45), 1))
     at_px = to_px(area, np.full(len(ticks), area.x), ticks)[:, 1]

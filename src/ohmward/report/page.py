@@ -29,7 +29,7 @@ from ohmward.atomic import write_text
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.report.axis import WallClock
-from ohmward.report.figure import Figure, css_variables
+from ohmward.report.figure import Figure, style_sheet
 from ohmward.report.payload import stack
 
 _CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
@@ -137,7 +137,7 @@ class Page:
             "subtitle": f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
             "contents": _contents(self.headings),
             "footer": f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
-            "style": f"{_asset('vendor/uplot/uPlot.min.css')}\n{_theme()}\n{_asset('assets/report.css')}",
+            "style": f"{_asset('vendor/uplot/uPlot.min.css')}\n{style_sheet()}\n{_asset('assets/report.css')}",
             "licence": _asset("vendor/uplot/LICENSE"),
             "code": code,
         }
@@ -168,14 +168,6 @@ class Page:
 @cache
 def _asset(name: str) -> str:
     return files("ohmward.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _theme() -> str:
-    """The colours: light, dark where the reader prefers it, light on paper."""
-    return (
-        f":root{{{css_variables('light')}}}"
-        f"@media screen and (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
-    )
 
 
 def _content_policy(code: str) -> str:

@@ -9,7 +9,8 @@ import pytest
 from ohmward.report import TIME, Band, Figure, Marker, Series, Span
 from scripts import script
 
-to_svg = script("svg").to_svg
+svg = script("svg")
+to_svg = svg.to_svg
 
 X = np.arange(5.0)
 SVG = "{http://www.w3.org/2000/svg}"
@@ -67,6 +68,14 @@ def test_a_line_runs_through_its_samples():
     width = float(next(s for s in root.iter(f"{SVG}svg") if s is not root).get("width", "0"))
     assert corners[:, 0] == pytest.approx(X / 4 * width, abs=0.11)
     assert corners[:, 1] == pytest.approx(200 - y * 50, abs=0.11)
+
+
+def test_ticks_of_a_log_axis_are_powers_of_ten_or_in_a_short_range_their_multiples():
+    def labels(low: float, high: float) -> list[str]:
+        return [label for _, label in svg.Scale(low, high, 0.0, 1.0, log=True).ticks(6)]
+
+    assert labels(5e-6, 200.0) == ["1e−5", "1e−4", "0.001", "0.01", "0.1", "1", "10", "100"]
+    assert labels(1.5, 60.0) == ["2", "5", "10", "20", "50"]
 
 
 def test_a_log_axis_puts_decades_at_equal_distances():

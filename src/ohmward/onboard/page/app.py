@@ -22,7 +22,7 @@ from ohmward.onboard.page.view import HISTORY
 from ohmward.onboard.robot_state import RobotState, plain_state
 from ohmward.onboard.secrets import is_loopback
 from ohmward.optional import require
-from ohmward.report.figure import css_variables
+from ohmward.report.figure import style_sheet
 
 #: Least time between two events, and time between two signs of life if nothing is new.
 EVENT_S, ALIVE_S = 0.2, 10.0
@@ -57,7 +57,14 @@ _ASSETS = {
 }
 
 Scope = dict[str, Any]
+#: Answers a request of Starlette.
+Answer = Callable[[Any], Awaitable[Any]]
 Asgi = Callable[[Scope, Callable[..., Awaitable[Any]], Callable[..., Awaitable[Any]]], Awaitable[None]]
+
+
+def _response(kind: str, *content: Any, **settings: Any) -> Any:
+    """Response of Starlette of a kind, "JSONResponse"."""
+    return getattr(require("starlette.responses", "the live page"), kind)(*content, **settings)
 
 
 def make_app(dashboard: Dashboard, token: str = "") -> Asgi:
@@ -68,47 +75,40 @@ def make_app(dashboard: Dashboard, token: str = "") -> Asgi:
     applications = require("starlette.applications", "the live page")
     routing = require("starlette.routing", "the live page")
 
-    routes = [routing.Route(path, _asset(path), methods=["GET"]) for path in _ASSETS]
-    routes.append(routing.Route("/palette.css", _palette, methods=["GET"]))
-    routes += [routing.Route(path, answer, methods=["GET"]) for path, answer in _api(dashboard).items()]
+    answers = {path: _asset(path) for path in _ASSETS} | _api(dashboard)
+    answers["/palette.css"] = _answering(style_sheet, "Response", media_type="text/css")
+    routes = [routing.Route(path, answer, methods=["GET"]) for path, answer in answers.items()]
     if token:
         routes.append(routing.Route("/login", _login(token), methods=["GET", "POST"]))
     return guarded(applications.Starlette(routes=routes), token)
 
 
-def _api(dashboard: Dashboard) -> dict[str, Callable[[Any], Awaitable[Any]]]:
+def _api(dashboard: Dashboard) -> dict[str, Answer]:
     """Answers with data, by path."""
-    responses = require("starlette.responses", "the live page")
-
-    async def state(_: Any) -> Any:
-        return responses.JSONResponse(plain_state(dashboard.state) if dashboard.state else {})
-
-    async def now(_: Any) -> Any:
-        return responses.JSONResponse(dashboard.view())
-
-    async def path(_: Any) -> Any:
-        return responses.JSONResponse({"x_m": [x for x, _ in dashboard.path], "y_m": [y for _, y in dashboard.path]})
-
-    async def numbers(_: Any) -> Any:
-        return responses.PlainTextResponse(metrics(dashboard.view()), media_type="text/plain; version=0.0.4")
-
-    async def description(_: Any) -> Any:
-        return responses.JSONResponse(openapi(__version__))
-
     return {
-        "/api/now": now,
-        "/api/state": state,
+        "/api/now": _answering(dashboard.view),
+        "/api/state": _answering(lambda: plain_state(dashboard.state) if dashboard.state else {}),
         "/api/history": _history(dashboard),
-        "/api/path": path,
-        "/metrics": numbers,
-        "/openapi.json": description,
+        "/api/path": _answering(lambda: {"x_m": [x for x, _ in dashboard.path], "y_m": [y for _, y in dashboard.path]}),
+        "/metrics": _answering(
+            lambda: metrics(dashboard.view()), "PlainTextResponse", media_type="text/plain; version=0.0.4"
+        ),
+        "/openapi.json": _answering(openapi),
         "/events": _events(dashboard),
     }
 
 
-def _history(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
+def _answering(make: Callable[[], Any], kind: str = "JSONResponse", **settings: Any) -> Answer:
+    """Answer with what `make` returns."""
+
+    async def answer(_: Any) -> Any:
+        return _response(kind, make(), **settings)
+
+    return answer
+
+
+def _history(dashboard: Dashboard) -> Answer:
     """Rows in memory, preceded by those of the store."""
-    responses = require("starlette.responses", "the live page")
     past = Past(dashboard)
 
     async def history(request: Any) -> Any:
@@ -117,19 +117,18 @@ def _history(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
         except ValueError:
             since = math.nan
         if math.isnan(since):
-            return responses.JSONResponse({"error": "since must be a number, seconds since 1970"}, status_code=400)
+            return _response("JSONResponse", {"error": "since must be a number, seconds since 1970"}, status_code=400)
         if (last := request.query_params.get("last")) is None:
-            return responses.JSONResponse(dashboard.history(since))
+            return _response("JSONResponse", dashboard.history(since))
         if last not in SPANS:
-            return responses.JSONResponse({"error": f"last must be one of {', '.join(SPANS)}"}, status_code=400)
-        return responses.JSONResponse(after(since, await past.last(last)))
+            return _response("JSONResponse", {"error": f"last must be one of {', '.join(SPANS)}"}, status_code=400)
+        return _response("JSONResponse", after(since, await past.last(last)))
 
     return history
 
 
-def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
+def _events(dashboard: Dashboard) -> Answer:
     """Newest states as they come; a slow reader misses some and holds up nobody."""
-    responses = require("starlette.responses", "the live page")
     readers = 0
 
     async def stream() -> AsyncIterator[str]:
@@ -143,9 +142,9 @@ def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
 
     async def events(_: Any) -> Any:
         if readers >= MOST_READERS:
-            headers = {"Retry-After": "10"}
-            return responses.JSONResponse({"error": "too many readers; close some"}, status_code=503, headers=headers)
-        response = responses.StreamingResponse(stream(), media_type="text/event-stream")
+            error = {"error": "too many readers; close some"}
+            return _response("JSONResponse", error, status_code=503, headers={"Retry-After": "10"})
+        response = _response("StreamingResponse", stream(), media_type="text/event-stream")
 
         async def counted(scope: Scope, receive: Any, send: Any) -> None:
             nonlocal readers
@@ -160,27 +159,14 @@ def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
     return events
 
 
-def _asset(path: str) -> Callable[[Any], Awaitable[Any]]:
-    responses = require("starlette.responses", "the live page")
+def _asset(path: str) -> Answer:
     room, name, kind = _ASSETS[path]
     text = files(f"ohmward.{room}").joinpath(*name.split("/")).read_text(encoding="utf-8")
-
-    async def asset(_: Any) -> Any:
-        return responses.Response(text, media_type=kind)
-
-    return asset
-
-
-async def _palette(_: Any) -> Any:
-    """Colours of the reports, light and dark."""
-    responses = require("starlette.responses", "the live page")
-    dark = f"@media (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
-    return responses.Response(f":root{{{css_variables('light')}}}{dark}", media_type="text/css")
+    return _answering(lambda: text, "Response", media_type=kind)
 
 
 def guarded(app: Asgi, token: str) -> Asgi:
     """The application behind its guard: security headers for browsers, the token, the names of this machine."""
-    responses = require("starlette.responses", "the live page")
 
     async def guard(scope: Scope, receive: Any, send: Any) -> None:
         if scope["type"] != "http":
@@ -194,7 +180,7 @@ def guarded(app: Asgi, token: str) -> Asgi:
             await send(message)
 
         if not token and not is_loopback(_PORT.sub("", headers.get("host", "localhost")).strip("[]")):
-            refusal = responses.JSONResponse({"error": "open this page as http://127.0.0.1"}, status_code=421)
+            refusal = _response("JSONResponse", {"error": "open this page as http://127.0.0.1"}, status_code=421)
         elif token and scope["path"] not in _OPEN and not is_known(headers, token):
             refusal = _refusal(scope, headers)
         else:
@@ -220,30 +206,28 @@ def _ticket(token: str) -> bytes:
 
 
 def _refusal(scope: Scope, headers: dict[str, str]) -> Any:
-    responses = require("starlette.responses", "the live page")
     if scope["path"] == "/" and "text/html" in headers.get("accept", ""):
-        return responses.RedirectResponse("/login", status_code=303)
+        return _response("RedirectResponse", "/login", status_code=303)
     advice = {"error": "give the token: Authorization: Bearer TOKEN"}
-    return responses.JSONResponse(advice, status_code=401, headers={"WWW-Authenticate": "Bearer"})
+    return _response("JSONResponse", advice, status_code=401, headers={"WWW-Authenticate": "Bearer"})
 
 
-def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
+def _login(token: str) -> Answer:
     """Form that takes the token and gives the browser a cookie."""
-    responses = require("starlette.responses", "the live page")
     form = files("ohmward.onboard.page").joinpath("assets", "login.html").read_text(encoding="utf-8")
 
     async def login(request: Any) -> Any:
         if request.method == "GET":
-            return responses.HTMLResponse(form.replace("$reason", ""))
+            return _response("HTMLResponse", form.replace("$reason", ""))
         try:
             body = await asyncio.wait_for(_first_bytes(request), REQUEST_S)
         except TimeoutError:
-            return responses.HTMLResponse(form.replace("$reason", "The token did not come."), status_code=408)
+            return _response("HTMLResponse", form.replace("$reason", "The token did not come."), status_code=408)
         (given,) = parse_qs(body.decode("latin-1")).get("token", [""])[:1]
         if not hmac.compare_digest(given.encode(), token.encode()):
             await asyncio.sleep(WRONG_TOKEN_S)
-            return responses.HTMLResponse(form.replace("$reason", "That is not the token."), status_code=401)
-        answer = responses.RedirectResponse("/", status_code=303)
+            return _response("HTMLResponse", form.replace("$reason", "That is not the token."), status_code=401)
+        answer = _response("RedirectResponse", "/", status_code=303)
         secure = request.url.scheme == "https"
         answer.set_cookie(_COOKIE, _ticket(token).decode(), httponly=True, samesite="strict", secure=secure)
         return answer
@@ -266,13 +250,13 @@ async def _first_bytes(request: Any) -> bytes:
 _NUMBERS = {"type": "array", "items": {"type": ["number", "null"]}}
 
 
-def openapi(version: str) -> dict[str, Any]:
-    """Description of the API, OpenAPI 3.1; version: that of the package."""
+def openapi() -> dict[str, Any]:
+    """Description of the API, OpenAPI 3.1."""
     return {
         "openapi": "3.1.0",
         "info": {
             "title": "ohmward on board",
-            "version": version,
+            "version": __version__,
             "description": "State of a robot as its estimators have it. SI units, names with their units; null is not "
             "known. It reads only: nothing here commands the robot.",
         },
