@@ -30,7 +30,7 @@ from ohmward.onboard.mqtt_broker import Payload
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.ros.cdr import serialize
-from ohmward.onboard.ros.messages import Frames, battery_state
+from ohmward.onboard.ros.messages import battery_state
 from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame, encode
 from ohmward.onboard.sources.json_lines import JsonLinesSource
@@ -180,7 +180,7 @@ def _battery_message(k: int) -> bytes:
     """The state of a battery with k cells."""
     state = RobotState(float(k), 1.7e9 + k)
     measured = {"battery_current_A": -1.0, **{f"cell_voltage_V.{cell}": 3.3 for cell in range(k)}}
-    return serialize(BATTERY_STATE, battery_state(state, measured, None, Frames()))
+    return serialize(BATTERY_STATE, battery_state(state, measured, None, "base_link"))
 
 
 LISTENERS: dict[str, Callable[[], tuple[Take, list[bytes]]]] = {

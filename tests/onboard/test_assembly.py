@@ -1,3 +1,4 @@
+import math
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.page import PageSink
+from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sinks.server import InfluxSink
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 
@@ -105,3 +107,9 @@ def test_a_signal_has_a_scale_where_one_is_given():
     (source,) = setup.source
     assert isinstance(source, JsonLinesSource)
     assert source.signals == {"battery_current_A": ScaledSignal("I", 0.001)}
+
+
+@pytest.mark.parametrize("sink", [PageSink(interval_s=-1.0), MqttSink(interval_s=math.nan), Ros2Sink(slow_s=-0.5)])
+def test_a_time_between_states_that_cannot_be_is_refused_for_every_sink(sink):
+    with pytest.raises(InputError, match=f"_s of sink {sink.name} must be"):
+        Setup(robot="rlma", sink=(sink,))

@@ -22,7 +22,6 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.ros.transport import SharedNode
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.control import ControlSink
-from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
@@ -89,7 +88,7 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
 
 def _count_from_store(estimation: Estimation, setup: Setup) -> None:
     """Initialise the totals from the robot's store if nothing has been counted yet."""
-    store = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
+    store = _store_folder(setup)
     if store is None or any(estimation.totals) or not (Path(store) / DATABASE).exists():
         return
     try:
@@ -119,31 +118,25 @@ def sinks_of(setup: Setup) -> list[AnySink]:
     Raises:
         InputError: a control sink is of another robot than the setup, or a robot file cannot be read.
     """
-    folder = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
-    return [
-        replace(sink, store=folder) if isinstance(sink, PageSink) and sink.store is None else sink
-        for sink in (_of_robot(_named(sink, setup.name), setup.robot) for sink in setup.sink)
-    ]
+    usual = {"robot": "robot", "topic": "ohmward/robot", "store": None}
+    own = {"robot": setup.name, "topic": f"ohmward/{setup.name}", "store": _store_folder(setup)}
+    sinks = []
+    for sink in setup.sink:
+        changed: dict[str, Any] = {key: own[key] for key in usual if getattr(sink, key, "") == usual[key]}
+        if isinstance(sink, ControlSink) and setup.robot is not None:
+            # the wheels of another robot may have another order
+            if sink.robot is not None and load_robot(sink.robot) != load_robot(setup.robot):
+                raise InputError(
+                    f"sink {sink.name}: robot = {sink.robot!r} is not that of the setup, {setup.robot!r}; leave it out"
+                )
+            changed["robot"] = setup.robot
+        sinks.append(replace(sink, **changed))
+    return sinks
 
 
-def _of_robot(sink: AnySink, robot: str | None) -> AnySink:
-    """The sink, with the robot of the setup if it controls one; robot: path or name of that one, None without one.
-
-    Raises:
-        InputError: it controls another one, whose wheels may have another order; a robot file cannot be read.
-    """
-    if not isinstance(sink, ControlSink) or robot is None:
-        return sink
-    if sink.robot is not None and load_robot(sink.robot) != load_robot(robot):
-        raise InputError(f"sink {sink.name}: robot = {sink.robot!r} is not that of the setup, {robot!r}; leave it out")
-    return replace(sink, robot=robot)
-
-
-def _named(sink: AnySink, name: str) -> AnySink:
-    """The sink with the robot's name, if its own settings give none."""
-    usual = {"robot": ("robot", name), "topic": ("ohmward/robot", f"ohmward/{name}")}
-    changed: dict[str, Any] = {k: own for k, (default, own) in usual.items() if getattr(sink, k, "") == default}
-    return replace(sink, **changed)
+def _store_folder(setup: Setup) -> str | None:
+    """Folder of the `store` sink."""
+    return next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
 
 
 def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]]:

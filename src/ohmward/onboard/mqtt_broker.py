@@ -120,7 +120,7 @@ class MqttBroker:
         client = paho.Client(paho.CallbackAPIVersion.VERSION2, reconnect_on_failure=False)
         client.connect_timeout = _ANSWER_S
         if self.username is not None:
-            client.username_pw_set(self.username, secret("password", self.password) if self.password else None)
+            client.username_pw_set(self.username, secret("password", self.password) or None)
         if self.tls:
             try:
                 client.tls_set(ca_certs=self.ca_file)

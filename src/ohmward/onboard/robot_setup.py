@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from itertools import product
@@ -51,6 +52,8 @@ class Setup:
             twice = [name for name, count in Counter(part.name for part in parts).items() if count > 1]
             if twice:
                 raise InputError(f"two {kind}s are called {twice[0]!r}; give each a name of its own: name = ...")
+        for sink, key in product(self.sink, ("interval_s", "slow_s")):
+            require_between(f"{key} of sink {sink.name}", getattr(sink, key, 0.0), 0.0, math.inf)
         for source, sink in product(self.source, self.sink):
             if isinstance(source, Ros2Source) and isinstance(sink, Ros2Sink):
                 _require_others_topics(source, sink)

@@ -142,7 +142,8 @@ class RobotState(NamedTuple):
 
 def soc_band(soc: float, soc_std: float) -> tuple[float, float]:
     """95 % band of a state of charge, limited to 0 to 1."""
-    return max(soc - BAND_95 * soc_std, 0.0), min(soc + BAND_95 * soc_std, 1.0)
+    low, high = (min(max(soc + z * soc_std, 0.0), 1.0) for z in (-BAND_95, BAND_95))
+    return low, high
 
 
 def stale(state: RobotState) -> str:

@@ -19,27 +19,29 @@ HAS_MODES = os.name == "posix"
 _FILE = "file:"
 
 
-def check_secret_name(key: str, where: str) -> None:
-    """Raise InputError unless `where` is a place of a secret: the name of a variable, or file:PATH.
+def check_secret_name(key: str, where: str | None) -> None:
+    """Raise InputError unless `where` is None or a place of a secret: the name of a variable, or file:PATH.
 
     Names of variables are in capitals by convention; anything else is more likely the secret itself, which no message
     may show.
     """
-    if not where.startswith(_FILE) and not (where.isidentifier() and where == where.upper()):
+    if where is not None and not where.startswith(_FILE) and not (where.isidentifier() and where == where.upper()):
         raise InputError(
             f'{key} says where the secret is, not the secret: {key} = "MY_VARIABLE" for an environment variable, '
             f'or {key} = "file:/etc/ohmward/secret" for a file of mode 600'
         )
 
 
-def secret(key: str, where: str) -> str:
-    """The secret that the key `key` of a setup points at.
+def secret(key: str, where: str | None) -> str:
+    """The secret that the key `key` of a setup points at; "" if it points at none.
 
-    where: name of an environment variable, or "file:PATH"; the file's last line break is left out.
+    where: name of an environment variable, or "file:PATH"; the file's last line break is left out.  None for none.
 
     Raises:
         InputError: there is none, or users other than the owner may read the file. The message never has the secret.
     """
+    if where is None:
+        return ""
     check_secret_name(key, where)
     if not where.startswith(_FILE):
         if not (found := os.environ.get(where)):

@@ -9,7 +9,6 @@ import pytest
 
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
-from ohmward.onboard.ros.messages import Frames
 
 from .test_messages import driven
 
@@ -97,11 +96,11 @@ class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticAr
 
 
 def sent() -> dict[str, bytes]:
-    state, frames = driven(), Frames("odom", "base_link")
+    state = driven()
     measured = {"battery_voltage_V": 13.1, "battery_current_A": -3.0, "cell_voltage_V.0": 3.25, "cell_voltage_V.1": 3.5}
     found = {
-        types.BATTERY_STATE: messages.battery_state(state, measured, None, frames),
-        types.TWIST: messages.twist(state, frames),
+        types.BATTERY_STATE: messages.battery_state(state, measured, None, "base_link"),
+        types.TWIST: messages.twist(state, "base_link"),
         types.DIAGNOSTICS: messages.diagnostics(state, "rover", state.unix_s),
     }
     return {type_: serialize(type_, message) for type_, message in found.items()}

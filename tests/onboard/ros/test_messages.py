@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import read, serialize
-from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
 from ohmward.optional import require
 from ohmward.traction import RLMA
@@ -70,13 +70,12 @@ def of_rosbags(type_: str, message: dict):
 
 def every_message() -> dict[str, dict]:
     state, battery = driven(), generic_battery("lfp", 12.0, 4, "test")
-    frames = Frames()
     return {
-        types.BATTERY_STATE: messages.battery_state(state, state.sample, battery, frames),
-        types.ODOMETRY: messages.odometry(state, frames),
-        types.TWIST: messages.twist(state, frames),
+        types.BATTERY_STATE: messages.battery_state(state, state.sample, battery, "base_link"),
+        types.ODOMETRY: messages.odometry(state, "odom", "base_link"),
+        types.TWIST: messages.twist(state, "base_link"),
         types.DIAGNOSTICS: messages.diagnostics(state, "robot 1", state.unix_s),
-        types.TF: messages.transform(state, frames),
+        types.TF: messages.transform(state, "odom", "base_link"),
         types.JOINT_STATE: {
             "header": messages.header(1.7e9, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
             "effort": [],
@@ -131,7 +130,7 @@ def test_cut_and_damaged_messages_are_refused_with_one_error():
 def test_the_status_follows_current_offset_and_charger(current_A, full, offset_A, status):
     state = driven()._replace(battery=charge(0.5, offset_A))
     measured = {"battery_current_A": current_A, "battery_full": full}
-    found = messages.battery_state(state, measured, generic_battery("lfp", 12.0, 4, "test"), Frames())
+    found = messages.battery_state(state, measured, generic_battery("lfp", 12.0, 4, "test"), "base_link")
     assert found["power_supply_status"] == status
 
 
@@ -140,9 +139,10 @@ def sent(translation: Translation, state: RobotState) -> dict[str, dict[str, flo
     return {type_: read(type_, payload)[1] for _, type_, payload in translation.messages(state)}
 
 
-def test_a_battery_that_is_silent_is_unknown():
+def test_a_battery_that_is_silent_is_unknown(tmp_path):
     """Its voltage falls silent first, then everything, and it comes back."""
-    translation, state = Translation(Ros2Sink(), generic_battery("lfp", 12.0, 4, "test")), driven()
+    save_battery(generic_battery("lfp", 12.0, 4, "test"), tmp_path / "battery.toml")
+    translation, state = Translation(Ros2Sink(battery=str(tmp_path / "battery.toml"))), driven()
     silent = [Diagnostic(name, Level.STALE, "silent") for name in ("battery_voltage_V", *state.sample)]
     half = sent(translation, at(5.0, state)._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
     assert math.isnan(half["voltage"]) and half["current"] == pytest.approx(-3.0)
@@ -196,11 +196,11 @@ def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
 
 
 def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():
-    bare = messages.battery_state(RobotState(1.0, 1.0), {}, None, Frames())
+    bare = messages.battery_state(RobotState(1.0, 1.0), {}, None, "base_link")
     unknown = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity", "percentage")
     assert all(math.isnan(bare[name]) for name in unknown)
     state = driven()
-    known = messages.battery_state(state, state.sample, generic_battery("lfp", 12.0, 4, "test"), Frames())
+    known = messages.battery_state(state, state.sample, generic_battery("lfp", 12.0, 4, "test"), "base_link")
     assert known["percentage"] == 0.5
     assert known["capacity"] == pytest.approx(0.9 * 12.0)
     assert known["charge"] == pytest.approx(0.5 * 0.9 * 12.0)
@@ -210,7 +210,7 @@ def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():
 
 def test_odometry_has_its_pose_and_covariance_in_their_places():
     state = driven()
-    message = messages.odometry(state, Frames("odom", "base_footprint"))
+    message = messages.odometry(state, "odom", "base_footprint")
     assert (message["header"]["frame_id"], message["child_frame_id"]) == ("odom", "base_footprint")
     assert state.pose is not None
     q, covariance = message["pose"]["pose"]["orientation"], np.reshape(message["pose"]["covariance"], (6, 6))

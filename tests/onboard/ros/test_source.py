@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
-from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.sources.ros2 import Ros2Source, pitch_of
 
 UP_RAD = 0.2
@@ -17,7 +16,7 @@ UP_RAD = 0.2
 
 @pytest.mark.parametrize(("status", "full"), [(4, {"battery_full": 1.0}), (2, {"battery_full": 0.0}), (0, {})])
 def test_a_battery_says_whether_it_is_full_where_it_knows(status, full):
-    message = messages.battery_state(RobotState(1.0, 1.0), {"battery_voltage_V": 13.0}, None, Frames())
+    message = messages.battery_state(RobotState(1.0, 1.0), {"battery_voltage_V": 13.0}, None, "base_link")
     payload = serialize(types.BATTERY_STATE, message | {"power_supply_status": status})
     found = Ros2Source(battery_state="/battery").message(types.BATTERY_STATE, payload, 1.0)
     assert found is not None and found.values == {"battery_voltage_V": 13.0} | full

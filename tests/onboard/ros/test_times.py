@@ -49,7 +49,7 @@ def payload(topic, stamp_s, seconds):
         return serialize(types.JOINT_STATE, {"header": header} | content)
     if topic == "battery":
         sample = {"battery_current_A": -6.0 + jitter, "battery_voltage_V": 13.1 + 1e-3 * jitter}
-        from_driver = messages.battery_state(driver_state(), sample, None, messages.Frames())
+        from_driver = messages.battery_state(driver_state(), sample, None, "base_link")
         return serialize(types.BATTERY_STATE, from_driver | {"header": header})
     nothing = {"x": 0.0, "y": 0.0, "z": 0.0}
     of_unit: dict[str, Any] = {

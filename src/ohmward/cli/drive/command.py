@@ -16,7 +16,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.secrets import host_and_port, secret
-from ohmward.onboard.sinks.terminal import within_terminal
+from ohmward.onboard.sinks.terminal import show
 
 #: Number of beats after which the line is rewritten.
 _BEATS_A_LINE = 5
@@ -29,7 +29,7 @@ _STOP_S = 5.0
 def run(args: argparse.Namespace) -> Outcome:
     """Drive until the operator ends it."""
     host, port = host_and_port("HOST:PORT", args.robot)
-    link = OperatorLink(host, port, secret("--token", args.token) if args.token else "")
+    link = OperatorLink(host, port, secret("--token", args.token))
     desk = OperatorDesk(link)
     if args.stop:
         beat = asyncio.run(desk.stop())
@@ -137,10 +137,10 @@ class OperatorDesk:
         """Rewrite the line on a terminal; elsewhere print a line for each new phase or reason."""
         if sys.stderr.isatty():
             if number % _BEATS_A_LINE == 0:
-                print(f"\r{within_terminal(line(beat, self.link.command))}\x1b[K", end="", file=sys.stderr, flush=True)
+                show(line(beat, self.link.command), sys.stderr)
         elif (now := f"{beat.get('phase')}{beat.get('reason')}"[:20]) != self._printed:
             self._printed = now
-            print(line(beat, self.link.command), file=sys.stderr, flush=True)
+            show(line(beat, self.link.command), sys.stderr)
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.evidence import OF_CHARGE
-from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState, soc_band
 from ohmward.onboard.ros.types import BATTERY_STATE
 from ohmward.quantities import QUANTITIES
 from ohmward.traction.odometry.nav_msgs import UNKNOWN_VARIANCE, header, odometry_message, twist_with_covariance
@@ -34,31 +33,18 @@ _TECHNOLOGY = {
 }
 
 
-@dataclass(frozen=True)
-class Frames:
-    """Names of coordinate frames, REP-105."""
-
-    odom: str = "odom"  #: frame in which the pose is continuous
-    base: str = "base_link"  #: frame of the robot, at the point whose position `OdometryEstimate` has
-
-
-def battery_time_s(state: RobotState) -> float:
-    """Time of a message about the battery: that of its sample, or now if its sensors are silent."""
-    return state.time_s if state.is_silent("battery") else state.battery_time_s
-
-
 def battery_date_s(state: RobotState) -> float:
-    """The same as a date, seconds since 1970."""
+    """Date of a message about the battery, seconds since 1970: of its sample, or now if its sensors are silent."""
     return state.unix_s if state.is_silent("battery") else state.date_s("battery")
 
 
 def battery_state(
-    state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames, cautious: bool = False
+    state: RobotState, measured: Mapping[str, float], battery: Battery | None, base_frame: str, cautious: bool = False
 ) -> Message:
     """`sensor_msgs/BatteryState`; nan for an unknown quantity, not present if nothing is known.
 
     measured: signal -> latest value of the battery's sensors, nan for one that is silent.
-    battery: for its label, if known.
+    battery: for its label, if known.  base_frame: frame of the robot, REP-105.
     cautious: the percentage is the low end of the 95 % band, and falls to 0 while the sensors are silent.
     """
     charge, nan = None if state.is_silent("battery") else state.battery, math.nan
@@ -67,7 +53,7 @@ def battery_state(
     now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
     soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
     return {
-        "header": header(battery_date_s(state), frames.base),
+        "header": header(battery_date_s(state), base_frame),
         **{q.ros_field: measured.get(q.name, nan) for q in QUANTITIES.values() if q.ros_type == BATTERY_STATE},
         "charge": soc * now_Ah,
         "capacity": now_Ah,
@@ -89,7 +75,7 @@ def _cautious(state: RobotState) -> float:
     """Low end of the band of the charge in [0, 1]; 0 if it is no longer known, nan if it is not known yet."""
     if state.battery is None:
         return 0.0 if state.is_silent("battery") else math.nan
-    return min(max(float(state.battery.soc) - BAND_95 * float(state.battery.soc_std), 0.0), 1.0)
+    return soc_band(float(state.battery.soc), float(state.battery.soc_std))[0]
 
 
 def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
@@ -111,29 +97,29 @@ def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> i
     return _CHARGING if current_A > idle_A else _DISCHARGING if current_A < -idle_A else _NOT_CHARGING
 
 
-def odometry(state: RobotState, frames: Frames) -> Message:
-    """`nav_msgs/Odometry`: pose in the frame odom, twist in the frame of the robot.
+def odometry(state: RobotState, odom_frame: str, base_frame: str) -> Message:
+    """`nav_msgs/Odometry`: pose in a frame in which it is continuous, twist in the frame of the robot, REP-105.
 
     state: must have a pose.
     """
     pose = state.pose
     assert pose is not None
-    return odometry_message(pose, state.date_s("drive"), frames.odom, frames.base)
+    return odometry_message(pose, state.date_s("drive"), odom_frame, base_frame)
 
 
-def transform(state: RobotState, frames: Frames) -> Message:
+def transform(state: RobotState, odom_frame: str, base_frame: str) -> Message:
     """`tf2_msgs/TFMessage` with the pose as the transform from odom to base."""
-    found = odometry(state, frames)
+    found = odometry(state, odom_frame, base_frame)
     pose = found["pose"]["pose"]
     stamped = {
         "header": found["header"],
-        "child_frame_id": frames.base,
+        "child_frame_id": base_frame,
         "transform": {"translation": pose["position"], "rotation": pose["orientation"]},
     }
     return {"transforms": [stamped]}
 
 
-def twist(state: RobotState, frames: Frames) -> Message:
+def twist(state: RobotState, base_frame: str) -> Message:
     """`geometry_msgs/TwistWithCovarianceStamped`: speed and yaw rate corrected for slip.
 
     state: must have an estimate of the slip.
@@ -144,7 +130,7 @@ def twist(state: RobotState, frames: Frames) -> Message:
     left_var = UNKNOWN_VARIANCE if state.pose is None else float(state.pose.twist_cov[1, 1])
     covariance = np.diag([float(slip.speed_std_m_s) ** 2, left_var, float(slip.yaw_rate_std_rad_s) ** 2])
     moved = twist_with_covariance(slip.speed_m_s, left, slip.yaw_rate_rad_s, covariance)
-    return {"header": header(state.date_s("drive"), frames.base), "twist": moved}
+    return {"header": header(state.date_s("drive"), base_frame), "twist": moved}
 
 
 def diagnostics(state: RobotState, robot: str, stamp_s: float, node: str = "ohmward") -> Message:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
-from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort
 from ohmward.onboard.feed import Feed
@@ -25,7 +24,6 @@ class CanSink(CanPort):
     name: str = "can"  #: in diagnostics
 
     def __post_init__(self) -> None:
-        require_between("interval_s", self.interval_s, 0.0, 3600.0)
         if not self.dbc:
             raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
         if not self.signals:

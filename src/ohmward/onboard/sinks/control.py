@@ -38,9 +38,8 @@ class ControlSink:
         if sum(output is not None for output in (self.can, self.ros, self.mqtt, self.simulation)) != 1:
             raise InputError("give one way to the drives: [sink.can], [sink.ros], [sink.mqtt] or [sink.simulation]")
         host, _ = host_and_port("operator", self.operator)
-        if self.token is not None:
-            check_secret_name("token", self.token)
-        elif not is_loopback(host):
+        check_secret_name("token", self.token)
+        if self.token is None and not is_loopback(host):
             raise InputError(
                 f'operator = "{self.operator}" can be reached from other machines; give a token: token = "DRIVE_TOKEN"'
             )
@@ -52,9 +51,9 @@ class ControlSink:
 
     async def run(self, feed: Feed) -> None:
         """Control until the feed ends; the last commands stop the robot."""
-        control, token = await asyncio.to_thread(self._control), self._token()
+        control = await asyncio.to_thread(self._control)
         loop = ControlLoop(control, self.step_s)
-        server = OperatorServer(loop, control.robot.name, token)
+        server = OperatorServer(loop, control.robot.name, secret("token", self.token))
         # the port first: a second process finds it taken before it has sent anything to the drives
         async with (
             server.listening(*host_and_port("operator", self.operator)),
@@ -70,7 +69,8 @@ class ControlSink:
 
     async def try_out(self) -> None:
         """Open the connection to the drives without sending anything."""
-        control, _ = await asyncio.to_thread(self._control), self._token()
+        secret("token", self.token)
+        control = await asyncio.to_thread(self._control)
         async with self._output.opened(_names(control)):
             await asyncio.Event().wait()
 
@@ -85,9 +85,6 @@ class ControlSink:
         if self.robot is None:
             raise InputError('control needs the robot file: robot = "robot.toml"')
         return DriveControl(load_robot(self.robot), self.limits)
-
-    def _token(self) -> str:
-        return secret("token", self.token) if self.token else ""
 
 
 def _names(control: DriveControl) -> list[str]:

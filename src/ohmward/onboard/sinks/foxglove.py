@@ -6,7 +6,6 @@ import asyncio
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
@@ -31,7 +30,6 @@ class FoxgloveSink:
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 0, 65535)
-        require_between("interval_s", self.interval_s, 0.0, 3600.0)
         if not is_loopback(self.host):
             raise InputError(
                 f"host must be a loopback address, got {self.host!r}: the protocol of Foxglove knows no token; from "
@@ -41,8 +39,7 @@ class FoxgloveSink:
     async def run(self, feed: Feed) -> None:
         """Serve until the feed ends."""
         foxglove = require("foxglove", "the Foxglove sink")
-        battery = load_battery(self.battery) if self.battery else None
-        translation = Translation(Ros2Sink(interval_s=self.interval_s), battery)
+        translation = Translation(Ros2Sink(interval_s=self.interval_s, battery=self.battery))
         context = foxglove.Context()
         try:
             server = foxglove.start_server(name="ohmward", host=self.host, port=self.port, context=context)

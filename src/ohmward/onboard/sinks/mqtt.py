@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.json_values import plain
 from ohmward.onboard.feed import Feed
@@ -41,7 +40,6 @@ class MqttSink(MqttBroker):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between("interval_s", self.interval_s, 0.0, 3600.0)
         if not self.topic or set("+#\0") & set(self.topic):
             raise InputError(f"topic must be a topic without + and #, got {self.topic!r}")
         for path in self.numbers:

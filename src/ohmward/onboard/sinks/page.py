@@ -7,7 +7,7 @@ import os
 import socket
 import ssl
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,10 +44,8 @@ class PageSink:
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 0, 65535)
-        require_between("interval_s", self.interval_s, 0.0, 1e9)
-        if self.token is not None:
-            check_secret_name("token", self.token)
-        elif not is_loopback(self.host):
+        check_secret_name("token", self.token)
+        if self.token is None and not is_loopback(self.host):
             raise InputError(
                 f"the page on {self.host} could be read by the whole network; give token = "
                 '"file:/etc/ohmward/token" (a file of mode 600), or keep host = "127.0.0.1"'
@@ -78,7 +76,7 @@ class PageSink:
 
     def _server(self, dashboard: Dashboard) -> Any:
         uvicorn = require("uvicorn", "the live page")
-        app = make_app(dashboard, secret("token", self.token) if self.token else "")
+        app = make_app(dashboard, secret("token", self.token))
         if self.certificate and self.key:
             check_certificate(self.certificate, self.key)
         config = uvicorn.Config(
@@ -95,16 +93,12 @@ class PageSink:
             ssl_keyfile=self.key,
         )
         server = uvicorn.Server(config)
-        server.capture_signals = _no_signals  # they belong to the process
+        server.capture_signals = nullcontext  # they belong to the process
         return server
 
     @contextmanager
     def _listening(self) -> Iterator[socket.socket]:
-        """The socket that the server listens on.
-
-        Raises:
-            OhmwardError: the port is taken, or this machine has no such address.
-        """
+        """The socket that the server listens on."""
         family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
         try:
             listener = socket.create_server((self.host, self.port), family=family)
@@ -145,8 +139,3 @@ def check_certificate(certificate: str, key: str) -> None:
 def _load_certificate(certificate: str, key: str) -> None:
     # without the empty passphrase OpenSSL would ask for one on the terminal
     ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, password="")
-
-
-@contextmanager
-def _no_signals() -> Iterator[None]:
-    yield

@@ -8,16 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
-from ohmward.checks import require_between, require_one_of
+from ohmward.checks import require_one_of
 from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.evidence import OF_CHARGE
 from ohmward.onboard.feed import Feed, Rate
 from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
-from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
 from ohmward.optional import MissingPackageError
 from ohmward.quantities import names_of
@@ -53,8 +51,6 @@ class Ros2Sink(RosNetwork):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_topics(self.topics())
-        require_between("interval_s", self.interval_s, 0.0, 3600.0)
-        require_between("slow_s", self.slow_s, 0.0, 3600.0)
         require_one_of("percentage", self.percentage, ("mean", "low"))
 
     def topics(self) -> dict[str, str]:
@@ -68,8 +64,7 @@ class Ros2Sink(RosNetwork):
 
     async def run_on(self, transport: Transport, feed: Feed) -> None:
         """Publish through the node of this transport."""
-        battery = load_battery(self.battery) if self.battery else None
-        translation = Translation(self, battery)
+        translation = Translation(self)
         missing: dict[str, str] = {}
         for topic, type_ in self.advertised():
             try:
@@ -105,13 +100,15 @@ class Translation:
     """States as serialised messages, each at its own rate; their stamps do not go back, see `_is_newer`.
 
     Args:
-        sink: topics, frames and rates.
-        battery: for its label, if known.
+        sink: topics, frames, rates and battery file, which is read.
+
+    Raises:
+        InputError: the battery file cannot be read.
     """
 
-    def __init__(self, sink: Ros2Sink, battery: Battery | None = None):
-        self.sink, self.battery = sink, battery
-        self._frames = Frames(sink.odom_frame, sink.base_frame)
+    def __init__(self, sink: Ros2Sink):
+        self.sink = sink
+        self._label = load_battery(sink.battery) if sink.battery else None
         self._measured: dict[str, float] = {}
         self._restarts = 0
         self._begin()
@@ -138,21 +135,22 @@ class Translation:
         self._drive_s = state.drive_time_s
         of_drive = Stamp(state.drive_time_s, state.date_s("drive"))
         if is_new and self._drive.passes(state.drive_time_s) and self._is_newer("drive", of_drive):
+            frames = sink.odom_frame, sink.base_frame
             if sink.odometry and state.pose:
-                yield sink.odometry, types.ODOMETRY, serialize(types.ODOMETRY, messages.odometry(state, self._frames))
+                yield sink.odometry, types.ODOMETRY, serialize(types.ODOMETRY, messages.odometry(state, *frames))
             if sink.publish_tf and state.pose:
-                yield "/tf", types.TF, serialize(types.TF, messages.transform(state, self._frames))
+                yield "/tf", types.TF, serialize(types.TF, messages.transform(state, *frames))
             if sink.twist and state.slip:
-                yield sink.twist, types.TWIST, serialize(types.TWIST, messages.twist(state, self._frames))
+                yield sink.twist, types.TWIST, serialize(types.TWIST, messages.twist(state, sink.base_frame))
         if math.isnan(state.battery_time_s):
             self._measured.clear()  # nothing yet, or not since everything restarted
         if sink.battery_state and self._measured and self._battery.passes(state.time_s):
-            found = messages.battery_state(
-                state, self._reporting(state), self.battery, self._frames, sink.percentage == "low"
-            )
+            cautious = sink.percentage == "low"
+            found = messages.battery_state(state, self._reporting(state), self._label, sink.base_frame, cautious)
             if found["power_supply_status"] != messages.FULL:
                 self._measured.pop("battery_full", None)  # until the charger says so again
-            of_battery = Stamp(messages.battery_time_s(state), messages.battery_date_s(state))
+            time_s = state.time_s if state.is_silent("battery") else state.battery_time_s
+            of_battery = Stamp(time_s, messages.battery_date_s(state))
             if self._is_newer("battery", of_battery):
                 yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
         if sink.diagnostics and self._conditions.passes(state.time_s):

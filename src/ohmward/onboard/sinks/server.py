@@ -7,100 +7,63 @@ import json
 import re
 import urllib.parse
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.http_post import post
 from ohmward.onboard.part import LOG
 from ohmward.onboard.secrets import check_secret_name, secret
-from ohmward.onboard.store.delivery import deliver
+from ohmward.onboard.store.delivery import Send, deliver
 from ohmward.onboard.store.rows import KINDS, Row
 from ohmward.optional import require
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServerSink:
-    """Delivery to a server; a subclass has its address and its secret, and writes rows to it."""
+def _check_address(key: str, holds_secret: bool, secret_key: str, where: str | None) -> None:
+    """Raise InputError for an address with a secret in it, or a secret instead of its place."""
+    if holds_secret:
+        raise InputError(f"{key} must not hold a password; give {secret_key} = the name of an environment variable")
+    check_secret_name(secret_key, where)
 
-    #: Name of the attribute that says where the secret is, see `secrets`.
-    secret_key: ClassVar[str]
 
-    robot: str = "robot"  #: name of the robot in each row
-    #: file of rows that wait for the server; default: one with the name of the sink in `ohmward-state`
-    spool: str | None = None
-    interval_s: float = 1.0  #: least time between two states, >= 0
-    name: str  #: in diagnostics
-
-    def __post_init__(self) -> None:
-        require_between("interval_s", self.interval_s, 0.0, 1e9)
-        address, holds_secret = self._address()
-        if holds_secret:
-            raise InputError(
-                f"{address} must not hold a password; give {self.secret_key} = the name of an environment variable"
-            )
-        if (name := self._secret_name()) is not None:
-            check_secret_name(self.secret_key, name)
-
-    def _address(self) -> tuple[str, bool]:
-        """Name of the attribute with the address, and True if the address contains a secret."""
-        raise NotImplementedError
-
-    def _write(self, rows: Sequence[Row], password: str) -> None:
-        """Write rows to the server.
-
-        Raises:
-            OhmwardError: it has not confirmed them.
-        """
-        raise NotImplementedError
-
-    def _secret_name(self) -> str | None:
-        name: str | None = getattr(self, self.secret_key)
-        return name
-
-    async def try_out(self) -> None:
-        """Look for the secret; rows that wait in the spool stay there."""
-        self._password()
-        await asyncio.Event().wait()
-
-    def _password(self) -> str:
-        name = self._secret_name()
-        return secret(self.secret_key, name) if name else ""
-
-    async def run(self, feed: Feed) -> None:
-        """Deliver rows until the feed ends."""
-        password = self._password()
-
-        def send(rows: Sequence[Row]) -> None:
-            self._write(rows, password)
-
-        await deliver(feed, send, Path(self.spool or f"ohmward-state/{self.name}.spool"))
+async def _deliver(feed: Feed, send: Send, sink: InfluxSink | PostgresqlSink) -> None:
+    """Deliver rows until the feed ends."""
+    await deliver(feed, send, Path(sink.spool or f"ohmward-state/{sink.name}.spool"))
 
 
 @dataclass(frozen=True)
-class InfluxSink(ServerSink):
+class InfluxSink:
     """Line protocol over HTTP, with `robot` as a tag: InfluxDB 1, 2 and 3, VictoriaMetrics, QuestDB and Telegraf."""
-
-    secret_key: ClassVar[str] = "token"
 
     #: write API: `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
     url: str
     token: str | None = None  #: secret, if the server requires one
-    name: str = field(default="influxdb", kw_only=True)
+    robot: str = "robot"  #: name of the robot in each row
+    #: file of rows that wait for the server; default: one with the name of the sink in `ohmward-state`
+    spool: str | None = None
+    interval_s: float = 1.0  #: least time between two states, >= 0
+    name: str = "influxdb"  #: in diagnostics
 
-    def _address(self) -> tuple[str, bool]:
+    def __post_init__(self) -> None:
         parts = urllib.parse.urlsplit(self.url)
         if parts.scheme not in ("http", "https") or not parts.netloc:
             raise InputError(
                 f"url must be http://HOST:PORT/write?db=NAME or that of another write API, got {self.url!r}"
             )
-        return "url", bool(parts.username or parts.password or "p" in urllib.parse.parse_qs(parts.query))
+        holds_secret = bool(parts.username or parts.password or "p" in urllib.parse.parse_qs(parts.query))
+        _check_address("url", holds_secret, "token", self.token)
 
-    def _write(self, rows: Sequence[Row], password: str) -> None:
-        write_lines(self.url, lines(rows, self.robot), password)
+    async def run(self, feed: Feed) -> None:
+        """Deliver rows until the feed ends."""
+        token = secret("token", self.token)
+        await _deliver(feed, lambda rows: write_lines(self.url, lines(rows, self.robot), token), self)
+
+    async def try_out(self) -> None:
+        """Look for the secret; rows that wait in the spool stay there."""
+        secret("token", self.token)
+        await asyncio.Event().wait()
 
 
 #: Status of a server that has stored the rows: 204. A page with status 200 is from a proxy or another server.
@@ -114,11 +77,11 @@ _TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\\": r"\\", "\n": r"\
 def lines(rows: Sequence[Row], robot: str) -> str:
     """Rows as lines: `drive,robot=rover estimated_speed_m_s=0.8 1700000000000000000`; rows without values give none."""
     tag = robot.translate(_TAG)
-    return "".join(f"{row.kind},robot={tag} {_fields(row)} {row.unix_ns}\n" for row in rows if row.values)
-
-
-def _fields(row: Row) -> str:
-    return ",".join(f"{name.translate(_TAG)}={value!r}" for name, value in row.values.items())
+    found = []
+    for row in rows:
+        if fields := ",".join(f"{name.translate(_TAG)}={value!r}" for name, value in row.values.items()):
+            found.append(f"{row.kind},robot={tag} {fields} {row.unix_ns}\n")
+    return "".join(found)
 
 
 def write_lines(url: str, text: str, token: str = "") -> None:
@@ -142,21 +105,31 @@ def write_lines(url: str, text: str, token: str = "") -> None:
 
 
 @dataclass(frozen=True)
-class PostgresqlSink(ServerSink):
+class PostgresqlSink:
     """A table for each kind of rows, created if missing; one row for each robot and time, its values as JSON."""
-
-    secret_key: ClassVar[str] = "password"
 
     address: str  #: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`
     password: str | None = None  #: secret, if the server requires one
-    name: str = field(default="postgresql", kw_only=True)
+    robot: str = "robot"  #: name of the robot in each row
+    #: file of rows that wait for the server; default: one with the name of the sink in `ohmward-state`
+    spool: str | None = None
+    interval_s: float = 1.0  #: least time between two states, >= 0
+    name: str = "postgresql"  #: in diagnostics
 
-    def _address(self) -> tuple[str, bool]:
+    def __post_init__(self) -> None:
         in_url = urllib.parse.urlsplit(self.address).password is not None
-        return "address", in_url or re.search(r"password\s*=", self.address) is not None
+        holds_secret = in_url or re.search(r"password\s*=", self.address) is not None
+        _check_address("address", holds_secret, "password", self.password)
 
-    def _write(self, rows: Sequence[Row], password: str) -> None:
-        write_rows(rows, self.robot, self.address, password)
+    async def run(self, feed: Feed) -> None:
+        """Deliver rows until the feed ends."""
+        password = secret("password", self.password)
+        await _deliver(feed, lambda rows: write_rows(rows, self.robot, self.address, password), self)
+
+    async def try_out(self) -> None:
+        """Look for the secret; rows that wait in the spool stay there."""
+        secret("password", self.password)
+        await asyncio.Event().wait()
 
 
 #: A server that does not answer within this is away [s].

@@ -40,7 +40,6 @@ class StoreSink:
         require_between("commit_s", self.commit_s, 0.0, 60.0)
         require_positive("keep_days", self.keep_days)
         require_positive("most_MB", self.most_MB)
-        require_between("interval_s", self.interval_s, 0.0, 1e9)
 
     async def run(self, feed: Feed) -> None:
         """Store states until the feed ends; states refused by a full disk go back to the feed."""

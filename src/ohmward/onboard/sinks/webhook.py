@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.http_post import post
@@ -37,9 +36,7 @@ class WebhookSink:
     name: str = "webhook"  #: in diagnostics
 
     def __post_init__(self) -> None:
-        require_between("interval_s", self.interval_s, 0.0, 1e9)
-        if self.token is not None:
-            check_secret_name("token", self.token)
+        check_secret_name("token", self.token)
         parts = urllib.parse.urlsplit(self.url)
         if not self.url.startswith("env:") and (parts.scheme not in ("http", "https") or not parts.netloc):
             raise InputError(f"url must be http://HOST/PATH, https://HOST/PATH or env:NAME, got {self.url!r}")
