@@ -50,7 +50,7 @@ class Arrivals:
         clock.observe(message.stamp_s, message.received_s)
         was_set = clock.steps > steps
         if clock.settled and clock not in self._held:
-            time_s = clock.time_s(message.stamp_s, message.received_s)
+            time_s = clock.time_s(message.stamp_s)
             return [*self.due(message.received_s), Arrival(message, time_s, was_set)]
         self._held.add(clock)
         self._waiting.append((clock, message, was_set))
@@ -78,7 +78,7 @@ class Arrivals:
         found = []
         for clock, message, was_set in self._waiting:
             clock.settled = True
-            found.append(Arrival(message, clock.time_s(message.stamp_s, message.received_s), was_set))
+            found.append(Arrival(message, clock.time_s(message.stamp_s), was_set))
         self._waiting = []
         self._held.clear()
         return sorted(found, key=lambda arrival: arrival.time_s)

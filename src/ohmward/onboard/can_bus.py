@@ -21,7 +21,7 @@ from ohmward.onboard.message import Handover, ScaledSignal, Wiring, read_in_thre
 from ohmward.optional import require
 from ohmward.quantities import quantity_of
 
-#: Error class "bus off" in the identifier of an error frame, linux/can/error.h.
+#: Error class "bus off" in the identifier of an error frame, linux/can/error.h: the controller has left the bus.
 _BUS_OFF = 0x40
 
 #: Time without accepting a frame after which a bus has failed [s].
@@ -105,7 +105,10 @@ async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) 
             return None
         if message.is_error_frame:
             if message.arbitration_id & _BUS_OFF:
-                raise bus_off_error(port.channel)
+                raise OhmwardError(
+                    f"{port.channel} is bus-off: check wiring, the two 120 ohm terminators and the bitrate; "
+                    f"ip link set {port.channel} type can restart-ms 100 lets it come back by itself"
+                )
             return None
         return Frame(message, time.monotonic())
 
@@ -114,14 +117,6 @@ async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) 
             yield frames
     finally:
         bus.shutdown()
-
-
-def bus_off_error(channel: str) -> OhmwardError:
-    """Error of a controller that has left the bus after too many errors."""
-    return OhmwardError(
-        f"{channel} is bus-off: check wiring, the two 120 ohm terminators and the bitrate; "
-        f"ip link set {channel} type can restart-ms 100 lets it come back by itself"
-    )
 
 
 class CanSignal(NamedTuple):

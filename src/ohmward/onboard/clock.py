@@ -80,9 +80,7 @@ class SourceClock:
         self._late: _LateMessages | None = None
 
     def observe(self, stamp_s: float, received_s: float) -> None:
-        """Update the offset by the newest measurement; a stamp that is not finite tells nothing."""
-        if not math.isfinite(stamp_s):
-            return
+        """Update the offset by the newest measurement, whose stamp is finite."""
         self.settle(received_s)
         offset_s = received_s - stamp_s
         first, goes_back = math.isnan(self._stamp_s), stamp_s < self._stamp_s - LEAP_S
@@ -107,9 +105,9 @@ class SourceClock:
         if offset_s < self._fell_to_s - _FALL_S:
             self._fell_to_s, self._fell_s = offset_s, received_s
 
-    def time_s(self, stamp_s: float, received_s: float) -> float:
-        """Time of an observed measurement on our clock [s]; the receipt if the stamp is not finite."""
-        return stamp_s + self._least() if math.isfinite(stamp_s) else received_s
+    def time_s(self, stamp_s: float) -> float:
+        """Time of an observed measurement on our clock [s]."""
+        return stamp_s + self._least()
 
     def settle(self, now_s: float) -> bool:
         """True once the smallest delay no longer falls as in a burst: the offset may be used from then on."""

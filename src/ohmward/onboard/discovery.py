@@ -6,6 +6,7 @@ import asyncio
 import math
 from collections import defaultdict
 from collections.abc import Coroutine, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -165,7 +166,7 @@ class BagTopic(NamedTuple):
 
     name: str
     type: str
-    joints: tuple[str, ...]
+    joints: tuple[str, ...] = ()
     voltage_V: float = math.nan  #: of the first message
 
 
@@ -175,35 +176,19 @@ def topics_of_bag(path: str) -> list[BagTopic]:
     Raises:
         InputError: it is not a recording.
     """
-    first = open_recording(Path(path)).first_messages()
-    return [
-        BagTopic(topic.name, topic.type, tuple(_joints(topic, payload)), _voltage_V(topic, payload))
-        for topic, _, payload in first.values()
-    ]
+    return [_bag_topic(topic, payload) for topic, _, payload in open_recording(Path(path)).first_messages().values()]
 
 
-def _joints(topic: Topic, payload: bytes) -> list[str]:
-    """Names of the joints in a message; empty for another type, or for ROS 1."""
-    if topic.type != JOINT_STATE or topic.encoding != CDR:
-        return []
-    layout, _ = read(topic.type, payload)
-    return [joint for path, joint in layout.texts.items() if path.startswith("name[")]
-
-
-def _voltage_V(topic: Topic, payload: bytes) -> float:
-    """Voltage in a message of a battery; nan for another type, or for ROS 1."""
-    if topic.type != BATTERY_STATE or topic.encoding != CDR:
-        return math.nan
-    _, numbers = read(topic.type, payload)
-    return numbers["voltage"]
+def _bag_topic(topic: Topic, payload: bytes) -> BagTopic:
+    """A topic with what a message of it shows, but for ROS 1."""
+    found = BagTopic(topic.name, topic.type)
+    if topic.encoding != CDR or topic.type not in (BATTERY_STATE, JOINT_STATE):
+        return found
+    layout, numbers = read(topic.type, payload)
+    joints = tuple(joint for path, joint in layout.texts.items() if path.startswith("name["))
+    return found._replace(joints=joints, voltage_V=numbers.get("voltage", math.nan))
 
 
 def _for_so_long(listening: Coroutine[Any, Any, None], seconds: float) -> None:
-
-    async def listen() -> None:
-        try:
-            await asyncio.wait_for(listening, seconds)
-        except TimeoutError:
-            return
-
-    asyncio.run(listen())
+    with suppress(TimeoutError):
+        asyncio.run(asyncio.wait_for(listening, seconds))

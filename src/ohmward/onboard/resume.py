@@ -48,9 +48,6 @@ _STILL_ON_S = 600.0
 #: Longest interruption of a drive; after a longer one a new drive begins with the consumption learnt so far.
 DRIVE_S = 3600.0
 
-#: Entries of a battery's label that nobody corrects later, unlike the chemistry.
-_LABEL = ("capacity_Ah", "n_series")
-
 #: Largest factor between labelled and learnt capacity: a battery that has lost more was worn out long before.
 _MOST_LEARNT = 2.0
 
@@ -68,7 +65,7 @@ def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
     if estimation.battery and soc and charge and soc.state is not None:
         current_A = to_json(estimation.last_current_A)
         content["charge"] = {"soc": charge.soc, "std": charge.soc_std, "current_A": current_A}
-        content["battery"] = label_of(estimation.battery)
+        content["battery"] = {name: getattr(estimation.battery, name) for name in _Label.__annotations__}
         content |= {"soc": soc.snapshot(), "time_s": time_s + estimation.shift_s}
     if estimation.cells and estimation.cells.last:
         content["cells"] = estimation.cells.snapshot()
@@ -93,7 +90,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         charge, label = _charge_of(content)
     except InputError as error:
         return [f"the snapshot cannot be used: {error}"]
-    if is_another(label, estimation.battery):
+    if _is_another(label, estimation.battery):
         return ["the battery file is of another battery than before: its charge starts afresh"]
     moved_std = _moved_std(charge, estimation.battery.capacity_Ah, away_s)
     known = SocNormal(charge["soc"], math.hypot(charge["std"], moved_std))
@@ -122,18 +119,14 @@ class _Charge(TypedDict):
 
 
 class _Label(TypedDict):
-    """Label of the battery in a snapshot."""
+    """Label of the battery in a snapshot: what nobody corrects later, unlike the chemistry."""
 
     capacity_Ah: float
     n_series: float
 
 
 def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
-    """Charge and label of a snapshot.
-
-    Raises:
-        InputError: they are of another type or out of range.
-    """
+    """Charge and label of a snapshot; raise InputError if they are of another type or out of range."""
     charge: _Charge = typed(_Charge, "charge", content.get("charge"))
     label: _Label = typed(_Label, "battery", content.get("battery"))
     current = QUANTITIES["battery_current_A"]
@@ -145,16 +138,10 @@ def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
     return charge, label
 
 
-def label_of(battery: Battery) -> dict[str, Any]:
-    """The label of a battery."""
-    return {key: getattr(battery, key) for key in _LABEL}
-
-
-def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
+def _is_another(label: _Label, battery: Battery) -> bool:
     """True if the label cannot belong to the battery, however much was learnt about it since."""
-    capacity_Ah = label.get("capacity_Ah", battery.capacity_Ah)
-    more = max(capacity_Ah / battery.capacity_Ah, battery.capacity_Ah / capacity_Ah)
-    return more > _MOST_LEARNT or label.get("n_series", battery.n_series) != battery.n_series
+    more = max(label["capacity_Ah"] / battery.capacity_Ah, battery.capacity_Ah / label["capacity_Ah"])
+    return more > _MOST_LEARNT or label["n_series"] != battery.n_series
 
 
 def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:

@@ -9,7 +9,6 @@ import asyncio
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -146,7 +145,6 @@ def _needed(
 
 
 def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[Diagnostic]:
-    """Findings about one signal alone."""
     quantity = quantity_of(signal)
     if absent := no_such_part(signal, robot):
         yield Diagnostic(signal, Level.ERROR, absent)
@@ -237,12 +235,11 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
 COMPILED_S = 60.0
 
 
-@dataclass
-class Trial:
+class Trial(NamedTuple):
     """Result of a trial."""
 
-    signals: dict[str, SignalRecord] = field(default_factory=dict)  #: as they came
-    findings: list[Diagnostic] = field(default_factory=list)  #: about parts and signals, errors first
+    signals: Mapping[str, SignalRecord]  #: as they came
+    findings: list[Diagnostic]  #: about parts and signals, errors first
 
     @property
     def passed(self) -> bool:

@@ -82,13 +82,11 @@ def _within(value: float, most: float) -> float:
 
 def command_of(found: Mapping[str, object], given_s: float) -> OperatorCommand | None:
     """The set-points of a JSON object; None if one is not a finite number."""
-    numbers = {name: as_number(found.get(name, default)) for name, default in _NUMBERS.items()}
+    usual = OperatorCommand()._asdict()
+    numbers = {name: as_number(found.get(name, usual[name])) for name in usual.keys() - {"armed", "given_s"}}
     if not all(map(math.isfinite, numbers.values())):
         return None
     return OperatorCommand(armed=found.get("armed") is True, given_s=given_s, **numbers)
-
-
-_NUMBERS = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "slip_bound": 0.12, "slip_ratio": 0.0}
 
 
 class Signing:

@@ -23,7 +23,6 @@ from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCo
 from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number
 from ohmward.onboard.part import LOG, FaultyInput
-from ohmward.onboard.robot_state import RobotState
 
 #: Time between two beats [s].
 BEAT_S = 0.02
@@ -116,17 +115,13 @@ class OperatorServer:
 
     def _seen(self) -> dict[str, Any]:
         """State and commands, for the operator to see."""
-        output, operator = self.loop.output, self.loop.operator or OperatorCommand()
-        seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else plain(output)
-        seen["set"] = plain(operator._replace(given_s=0.0))
-        state: RobotState | None = self.loop.state
+        output, state = self.loop.output, self.loop.state
+        seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else output._asdict()
         if state and state.slip:
-            slip = state.slip
-            seen |= {"speed_m_s": plain(float(slip.speed_m_s)), "yaw_rate_rad_s": plain(float(slip.yaw_rate_rad_s))}
-            seen["slip_ratio"] = plain(slip.slip_ratio)
+            seen |= {name: getattr(state.slip, name) for name in ("speed_m_s", "yaw_rate_rad_s", "slip_ratio")}
         if state and state.battery:
-            seen |= {"soc": plain(float(state.battery.soc)), "soc_std": plain(float(state.battery.soc_std))}
-        return seen
+            seen |= {"soc": state.battery.soc, "soc_std": state.battery.soc_std}
+        return plain(seen)
 
 
 #: Time that the robot has to answer [s].

@@ -122,7 +122,6 @@ class JsonLinesSource:
             visitors.close()
 
     async def _server(self, reader: Callable[[], LineReader]) -> asyncio.Server:
-        """The server at the address."""
         loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()
         try:
             if port:
@@ -150,7 +149,6 @@ class JsonLinesSource:
         return ("", 0) if is_path else host_and_port("address", self.address)
 
     async def _connect(self, reader: Callable[[], LineReader]) -> asyncio.BaseTransport:
-        """The connection to the address."""
         loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()
         if self.address == "-":
             return (await loop.connect_read_pipe(reader, sys.stdin))[0]

@@ -149,7 +149,6 @@ class Ros2Source(RosNetwork):
 
     @cached_property
     def _translations(self) -> dict[str, Callable[[Layout, dict[str, float]], dict[str, float]]]:
-        """Translation of each type of message."""
         return {
             types.BATTERY_STATE: _battery,
             types.JOINT_STATE: self._wheels,
