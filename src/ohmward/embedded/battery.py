@@ -65,7 +65,9 @@ def battery_export(
         InputError: no such estimator or style of it, or the battery file lacks its model.
     """
     filter_name = chosen_name(filter_name)
-    require_style(style, filter_name)
+    require_one_of("style", style, get_args(Style))
+    if style == "loops" and filter_name not in WITH_LOOPS:
+        raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
     if filter_name == JOINT:
         if curve_error_V is not None:
             raise InputError(f"{JOINT} has no open-circuit voltage curve; leave out the curve error")
@@ -133,13 +135,6 @@ def _voltage_start(estimator: Any) -> VoltageStartPrograms:
 def curve_error_of_pack_V(battery: Battery, cell_mV: float | None) -> float | None:
     """The `curve_error_V` of a pack from the error of a cell [mV]; None stays None."""
     return None if cell_mV is None else 1e-3 * battery.n_series * cell_mV
-
-
-def require_style(style: str, filter_name: str) -> None:
-    """Raise InputError for an unknown style, or one that this filter does not have."""
-    require_one_of("style", style, get_args(Style))
-    if style == "loops" and filter_name not in WITH_LOOPS:
-        raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
 
 
 def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:

@@ -49,8 +49,6 @@ def _folder() -> Traversable:
 _BYTES_OF_OPERATION = 5.5
 _BYTES_OF_CHOICE = 18.0
 _BYTES_OF_NUMBER = 2.0
-_TIME_OF_LINES = "A step has no loops, and takes nearly the same time for every sample."
-_TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same time for every sample."
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 #: Number of samples of an export with which Python and C are compared.
@@ -142,7 +140,7 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
         "TITLE": export.title,
         "STATE_BYTES": str(needed.state),
         "FLASH_BYTES": f"{round(needed.flash, -2)}",
-        "TIME": _TIME_OF_LOOPS if export.loops else _TIME_OF_LINES,
+        "LOOPS": "loops of fixed length" if export.loops else "no loops",
         "ARGUMENTS": "".join(f", {literal(a)}" for a in export.arguments),
         "START": comments["start"],
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
@@ -172,7 +170,8 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
     """
     there = [folder / name for name in files if (folder / name).exists()]
     signed = folder / (_SIGNED if _SIGNED in files else next(iter(files)))
-    if there and not (signed.is_file() and _is_ours(signed)):
+    head = signed.read_text(encoding="utf-8", errors="replace")[:_HEAD] if signed.is_file() else ""
+    if there and not _AUTHOR.search(head):
         raise OhmwardError(f"{there[0]} was not written by ohmward, and is kept; choose another folder with -o")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -183,11 +182,6 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
         paths.append(folder / name)
         write_text(paths[-1], text)
     return paths
-
-
-def _is_ours(path: Path) -> bool:
-    """True for a file that an export has written."""
-    return bool(_AUTHOR.search(path.read_text(encoding="utf-8", errors="replace")[:_HEAD]))
 
 
 def _comments(export: Export) -> dict[str, str]:

@@ -14,21 +14,8 @@ from ohmward.embedded.c_library import VECTORS, Export
 from ohmward.errors import InputError
 from ohmward.trace import trace
 from ohmward.traction import control
-from ohmward.traction.control import (
-    Limits,
-    Measurement,
-    Report,
-    SlidingMode,
-    SlipCommand,
-    SlipController,
-    SpeedCommand,
-    SpeedController,
-    Uncertainty,
-    driven_wheel,
-)
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain, terrain_named
-from ohmward.traction.motion.sample import RobotSample as DriveSample
 from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
@@ -48,7 +35,7 @@ class ControlSample(NamedTuple):
     """Sample of a controller of one wheel."""
 
     command: Any  #: target and bound
-    measurement: Measurement  #: measured or estimated motion of the wheel
+    measurement: control.Measurement  #: measured or estimated motion of the wheel
     dt_s: Any  #: time since the step before [s], > 0
 
 
@@ -56,7 +43,7 @@ class ControllerOutput(NamedTuple):
     """Output of a controller of one wheel."""
 
     torque_Nm: Any  #: to hold until the next step [N m]
-    report: Report  #: of this step
+    report: control.Report  #: of this step
 
 
 def robot_export(robot: Robot, filter_name: str, name: str, terrain: str) -> Export:
@@ -84,7 +71,8 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
         raise InputError(f"filter must be one of {', '.join((*FILTERS, ODOMETRY, *CONTROLLERS))}, got {filter_name!r}")
     method, matching = FILTERS[filter_name]
     observer = SpeedObserver(scene(robot, terrain), method=method, matching=matching)
-    example = _at_rest(observer)
+    at_rest = {"wheel_speed_rad_s": np.zeros(len(robot.places)), "current_A": np.zeros(robot.driven)}
+    example = observer.no_sample()._replace(dt_s=0.01, **at_rest)
     state = observer.init(example)
     title = f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents"
     return _export(name, title, observer.step, state, example, SlipFlag, _drive(observer))
@@ -108,16 +96,16 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
     Raises:
         InputError: no such controller.
     """
-    wheel = driven_wheel(robot)
-    law = SlidingMode(Uncertainty(force_N=0.5 * wheel.load_N))
-    limits = Limits(torque_Nm=wheel.radius_m * wheel.load_N)
+    wheel = control.driven_wheel(robot)
+    law = control.SlidingMode(control.Uncertainty(force_N=0.5 * wheel.load_N))
+    limits = control.Limits(torque_Nm=wheel.radius_m * wheel.load_N)
     makers: dict[str, tuple[Any, Any]] = {
-        "slip-controller": (SlipController(wheel, law, limits), SlipCommand(0.0, 1.0)),
-        "speed-controller": (SpeedController(wheel, law, limits), SpeedCommand(0.0, 0.12)),
+        "slip-controller": (control.SlipController(wheel, law, limits), control.SlipCommand(0.0, 1.0)),
+        "speed-controller": (control.SpeedController(wheel, law, limits), control.SpeedCommand(0.0, 0.12)),
     }
     require_one_of("controller", controller, makers)
     settings, command = makers[controller]
-    example = ControlSample(command, Measurement(0.0, 0.0), 0.001)
+    example = ControlSample(command, control.Measurement(0.0, 0.0), 0.001)
     state = settings.init(example.measurement)
 
     def step(state: Any, sample: ControlSample) -> tuple[Any, ControllerOutput]:
@@ -143,15 +131,6 @@ def _export(
     return Export(name, title, traced, start, flags, (), samples)
 
 
-def _at_rest(observer: SpeedObserver) -> DriveSample:
-    robot = observer.scene.robot
-    return _sample(observer.no_sample(), np.zeros(len(robot.places)), np.zeros(robot.driven))
-
-
-def _sample(sample: DriveSample, wheel_speed: np.ndarray, current_A: np.ndarray) -> DriveSample:
-    return sample._replace(dt_s=0.01, wheel_speed_rad_s=wheel_speed, current_A=current_A)
-
-
 def _row(sample: Any) -> np.ndarray:
     return np.concatenate([_row(x) if isinstance(x, tuple) else np.ravel(x) for x in sample]).astype(float)
 
@@ -164,8 +143,7 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
         wheels = np.full(len(robot.places), 0.1 * k) + 0.05 * rng.standard_normal(len(robot.places))
         wheels[0] += 2.0 * (30 < k < 40)
         currents = 1.0 + 0.1 * rng.standard_normal(robot.driven)
-        sample = _sample(observer.no_sample(), wheels, currents)
-        rows.append(_row(sample))
+        rows.append(_row(observer.no_sample()._replace(dt_s=0.01, wheel_speed_rad_s=wheels, current_A=currents)))
     samples = np.array(rows)
     samples[10, 1], samples[14, 1 + len(robot.places)], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
     return samples
@@ -195,7 +173,9 @@ def _commands(command: Any, radius_m: float) -> np.ndarray:
     for k in range(VECTORS):
         speed = 0.02 * k
         wanted = command._replace(**{command._fields[0]: 0.12 if k < 40 else -0.1})
-        seen = Measurement(speed * (1.1 + 0.02 * rng.standard_normal()) / radius_m, speed, 1.0 if 20 < k < 25 else 0.0)
+        seen = control.Measurement(
+            speed * (1.1 + 0.02 * rng.standard_normal()) / radius_m, speed, 1.0 if 20 < k < 25 else 0.0
+        )
         rows.append(np.array([*wanted, *seen, 0.001], dtype=float))
     samples = np.array(rows)
     samples[12, 0], samples[16, 2] = 5.0, math.nan

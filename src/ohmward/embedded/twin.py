@@ -225,7 +225,6 @@ def compiler() -> list[str]:
 
 
 def _header(folder: Path, name: str | None) -> Path:
-    """Header of the library in a folder."""
     found = [h for h in sorted(folder.glob(f"{name or '*'}.h")) if h.with_suffix(".c").is_file() and _steps(h)]
     if len(found) == 1:
         return found[0]
