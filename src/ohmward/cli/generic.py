@@ -19,12 +19,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument(
-        "--chemistry",
-        required=True,
-        metavar="NAME",
-        help=CHEMISTRY,
-    )
+    parser.add_argument("--chemistry", required=True, metavar="NAME", help=CHEMISTRY)
     parser.add_argument(
         "--capacity-ah", type=positive, metavar="Q", help="as on the label [Ah]; with --bpx, of all strings"
     )
@@ -46,7 +41,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from ohmward.battery.chemistries import generic_battery
     from ohmward.battery.file import replace_battery
     from ohmward.cli.battery_inputs import with_sensor
-    from ohmward.cli.wording import written_battery
+    from ohmward.cli.wording import bullets, paragraphs, written_battery
 
     check_output("--output", args.output, (".toml",))
     if args.bpx:
@@ -68,5 +63,4 @@ def run(args: argparse.Namespace) -> Outcome:
         "output": args.output,
         "backup": str(backup) if backup else None,
     }
-    text = f"{written_battery(summary)}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
-    return Outcome(summary, text)
+    return Outcome(summary, paragraphs(written_battery(summary), bullets("Not known", battery.not_identified)))

@@ -194,11 +194,7 @@ def _groups() -> str:
 
 
 def _require_command(words: Sequence[str]) -> None:
-    """Refuse a first word that is not a command, and suggest the one most like it.
-
-    Raises:
-        InputError: there is a word that is not an option.
-    """
+    """Raise InputError for a first word that is not a command, and suggest the one most like it."""
     word = next((word for word in words if not word.startswith("-")), None)
     if word is not None:
         near = difflib.get_close_matches(word, COMMANDS, n=1)

@@ -29,16 +29,18 @@ LOG = (
 def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
     """Options of battery logs; interval: include the time between rows."""
     group = parser.add_argument_group("reading logs (text tables, Parquet, BDF, Excel, MATLAB, HDF5, JSON, bags)")
-    group.add_argument(
-        "--current-sign",
-        choices=("auto", "charge", "discharge"),
-        default="auto",
-        help="what a positive current in the file does to the battery; auto finds it from the voltage (default)",
+    add_current_sign_option(
+        group, "what a positive current in the file does to the battery; auto finds it from the voltage (default)"
     )
     _add_reading_options(group, "time, current, voltage or temperature", "current=mA", interval)
     group.add_argument(
         "--temperature", type=number, metavar="C", help="temperature of the battery [degC], where the log has none"
     )
+
+
+def add_current_sign_option(group: argparse._ActionsContainer, what: str) -> None:
+    """Option of the sign of a battery's current; what: its help."""
+    group.add_argument("--current-sign", choices=("auto", "charge", "discharge"), default="auto", help=what)
 
 
 def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
@@ -62,12 +64,7 @@ def add_shaft_options(group: argparse._ArgumentGroup) -> None:
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
     """Options of the robot and of the ground assumed at first."""
     group = parser.add_argument_group("robot and ground")
-    group.add_argument(
-        "--robot",
-        required=True,
-        metavar="FILE.toml",
-        help=f"{ROBOT}, which come with ohmward",
-    )
+    group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"{ROBOT}, which come with ohmward")
     group.add_argument(
         "--terrain",
         default=DEFAULT_TERRAIN,

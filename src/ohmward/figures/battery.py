@@ -63,6 +63,12 @@ def temperature_figure(log: Log) -> Figure:
     return measured_figure(QUANTITIES["battery_temperature_degC"], series, 160)
 
 
+def log_figures(log: Log) -> list[Figure]:
+    """Every battery quantity of the log over time."""
+    temperature = [] if log.temperature_degC is None else [temperature_figure(log)]
+    return [current_figure(log), voltage_figure(log), *temperature, *further_figures(log)]
+
+
 def further_figures(log: Log) -> list[Figure]:
     """Further battery quantities of the log over time."""
     measured = [(QUANTITIES[name], values) for name, values in log.quantities("battery").items()]

@@ -21,7 +21,7 @@ from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
 from ohmward.figures.health import trend_figures
-from ohmward.figures.numbers import duration, flagged, lognormal, normal, percent, quantity, ratio
+from ohmward.figures.numbers import duration, flagged, lognormal, normal, percent, percent_band, quantity, ratio
 from ohmward.figures.plot import range_figures
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.run import Run
@@ -108,7 +108,7 @@ def _(run: SocRun) -> str:
     e = run.estimates
     facts = {
         **_steps(run),
-        "SoC at the end": f"{percent(e.soc[-1], 1)} ± {percent(BAND_95 * e.soc_std[-1], 1)} (95 %)",
+        "SoC at the end": f"{percent_band(e.soc[-1], e.soc_std[-1])} (95 %)",
         "SoC range": f"{percent(float(np.nanmin(e.soc)), 1)} to {percent(float(np.nanmax(e.soc)), 1)}",
         "in words": run.explain().sentence,
     }
@@ -120,7 +120,7 @@ def _(compared: Comparison) -> str:
     facts = {"log": compared.log.name}
     for name, figures in compared.figures().items():
         error, coverage = figures["soc_rmse"], figures["coverage_95"]
-        end = f"{percent(figures['soc_final'], 1)} ± {percent(BAND_95 * figures['soc_std_final'], 1)} at the end"
+        end = f"{percent_band(figures['soc_final'], figures['soc_std_final'])} at the end"
         judged = f"RMSE {percent(error, 2)}, truth in the 95 % band {percent(coverage, 1)}; "
         facts[name] = f"{judged if error is not None else ''}{end}"
     return html_card("Estimators compared", facts, battery.comparison_figures(compared.log, compared.runs)[0])
@@ -144,7 +144,7 @@ def _(run: PackRun) -> str:
     pack = run.figures()
     facts = {
         **_steps(run),
-        "pack at the end": f"{percent(pack['soc'], 1)} ± {percent(BAND_95 * pack['soc_std'], 1)} (95 %)",
+        "pack at the end": f"{percent_band(pack['soc'], pack['soc_std'])} (95 %)",
         "weakest": str(pack["weakest"]),
         "warnings": "; ".join(warning.text for warning in run.warnings()),
     }

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.battery.health.ageing import UNINFORMATIVE_STD, AgeingFit, LifeAhead
+from ohmward.battery.health.ageing import DAYS_PER_YEAR, UNINFORMATIVE_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import BatteryHealth, Health
 from ohmward.filters.consistency import BAND_95
 from ohmward.quantities import DAY_S
@@ -19,7 +19,7 @@ _PERCENT = 100.0
 #: Shortest time ahead that is drawn; it is as long as the time behind where that is longer.
 _LEAST_AHEAD_DAYS = 30.0
 #: Units of a span of time and their days; the first that is shorter than a quarter of the span is taken.
-_UNITS = {"Years": 365.25, "Months": 365.25 / 12, "Days": 1.0}
+_UNITS = {"Years": DAYS_PER_YEAR, "Months": DAYS_PER_YEAR / 12, "Days": 1.0}
 
 
 def capacity_figure(health: Health) -> Figure:

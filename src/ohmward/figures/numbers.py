@@ -25,6 +25,11 @@ def percent(share: float | None, digits: int = 2) -> str:
     return f"{100 * share:.{digits}f} %" if abs(share) < 100 else f"{100 * share:.1e} %"
 
 
+def percent_band(share: float, std: float) -> str:
+    """A share and the half width of its 95 % band as percentages."""
+    return f"{percent(share, 1)} ± {percent(BAND_95 * std, 1)}"
+
+
 def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3) -> str:
     """A number with its unit, "-" where it is not known."""
     return f"{float(f'{scale * value:.{digits}g}'):g} {unit}" if known(value) else "-"

@@ -56,10 +56,9 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
 
 
 def _plot(result: Any) -> Plot | Map:
-    """Figures of a single result."""
     match result:
         case Log():
-            return Plot(result.name, _log_figures(result))
+            return Plot(result.name, battery.log_figures(result))
         case DriveLog():
             return Plot(result.name, slip.drive_figures(result))
         case Battery(thevenin=model):
@@ -84,11 +83,6 @@ def _plot(result: Any) -> Plot | Map:
     raise InputError(
         f"plot needs a log, a battery or what the run of an estimator returned, got {type(result).__name__}"
     )
-
-
-def _log_figures(log: Log) -> list[Figure]:
-    figures = [battery.current_figure(log), battery.voltage_figure(log), *battery.further_figures(log)]
-    return figures if log.temperature_degC is None else [*figures, battery.temperature_figure(log)]
 
 
 def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:

@@ -83,7 +83,9 @@ def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str]
     estimators = figures["estimators"]
     if task.truth:
         return [_table(estimators, _SIGNED), _table(estimators, _SIZES)]
-    return [_table(estimators, _WITHOUT_TRUTH), _difference_table(figures["soc_rms_differences"])]
+    differences = figures["soc_rms_differences"]
+    mutual = [[name, *(percent(row.get(other)) for other in differences)] for name, row in differences.items()]
+    return [_table(estimators, _WITHOUT_TRUTH), (["SoC difference, RMS", *differences], mutual)]
 
 
 def _percent(key: str, digits: int = 2) -> Column:
@@ -123,17 +125,8 @@ _WITHOUT_TRUTH: Columns = (
 
 
 def _table(estimators: Mapping[str, Any], columns: Columns) -> tuple[list[str], list[list[str]]]:
-    rows = []
-    for name, figures in estimators.items():
-        rows.append([name, *(cell(figures) for _, cell in columns)])
+    rows = [[name, *(cell(figures) for _, cell in columns)] for name, figures in estimators.items()]
     return ["estimator", *(header for header, _ in columns)], rows
-
-
-def _difference_table(differences: Mapping[str, Mapping[str, float]]) -> tuple[list[str], list[list[str]]]:
-    rows = []
-    for name, row in differences.items():
-        rows.append([name, *(percent(row.get(other)) for other in differences)])
-    return ["SoC difference, RMS", *differences], rows
 
 
 def make_page(task: SocTask, compared: Comparison, figures: Mapping[str, Any]) -> Page:

@@ -13,13 +13,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
-from ohmward.battery.soc.band_forecast import (
-    TEMPERATURES_DEGC,
-    BandForecast,
-    forecast,
-    taken_as_exact,
-    worthwhile_tests,
-)
+from ohmward.battery.soc import band_forecast
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
@@ -40,7 +34,7 @@ from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
-from ohmward.onboard.robot_setup import SETUP_FILE, Setup
+from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.drive_checks import check_drive
@@ -52,7 +46,7 @@ _LOG = "log"
 _PULSES_OF_A_TEST = 5
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
-BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
+BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in band_forecast.TEMPERATURES_DEGC)]
 
 
 class GivenFiles(NamedTuple):
@@ -241,7 +235,13 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
 def examine_robot(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a robot file."""
     robot = load_robot(path)
-    rows = robot_rows(robot)
+    rows = {
+        "chassis": type(robot.chassis).__name__,
+        "wheels": ", ".join(place.name for place in robot.places) + f"; the first {robot.driven} are driven",
+        "mass": f"{robot.mass_kg:g} kg",
+        "wheel radius": f"{robot.wheel.radius_m:g} m",
+        "gear": f"{robot.motor.gear_ratio:g}",
+    }
     text = paragraphs(f"{path}: robot {robot.name!r}", fields(rows))
     summary = {"path": path, "name": robot.name} | rows
     yield Part("robots", robot.name, text, summary, [f"ohmward slip LOG --robot {path}"])
@@ -249,29 +249,14 @@ def examine_robot(path: str, _: GivenFiles) -> Iterator[Part]:
 
 def examine_setup(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a setup."""
-    rows = setup_rows(SETUP_FILE.load(path))
-    text = paragraphs(f"{path}: setup of a robot", fields(rows))
-    yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
-
-
-def robot_rows(robot: Robot) -> dict[str, str]:
-    """Contents of a robot file, by name."""
-    return {
-        "chassis": type(robot.chassis).__name__,
-        "wheels": ", ".join(place.name for place in robot.places) + f"; the first {robot.driven} are driven",
-        "mass": f"{robot.mass_kg:g} kg",
-        "wheel radius": f"{robot.wheel.radius_m:g} m",
-        "gear": f"{robot.motor.gear_ratio:g}",
-    }
-
-
-def setup_rows(setup: Setup) -> dict[str, str]:
-    """Contents of a setup, by name."""
-    return {
+    setup = SETUP_FILE.load(path)
+    rows = {
         "estimates": ", ".join(kind for kind, part in (("charge", setup.battery), ("motion", setup.robot)) if part),
         "sources": ", ".join(source.name for source in setup.source) or "none",
         "sinks": ", ".join(sink.name for sink in setup.sink) or "none",
     }
+    text = paragraphs(f"{path}: setup of a robot", fields(rows))
+    yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
 
 
 def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str]:
@@ -313,8 +298,8 @@ def _range(signal: Signal) -> str:
 def examine_battery(path: str, _: GivenFiles) -> Iterator[Part]:
     """Contents of a battery file, with the SoC bands of the present file and of one after each worthwhile test."""
     battery = load_battery(path)
-    bands = forecast(battery)
-    tests = worthwhile_tests(battery, bands)
+    bands = band_forecast.forecast(battery)
+    tests = band_forecast.worthwhile_tests(battery, bands)
     rows = [["as the file is", *map(_cell, bands)]]
     rows += [[f"at best, {test.test}", *map(_cell, test.bands)] for test in tests]
     text = paragraphs(
@@ -347,8 +332,9 @@ def sources(battery: Battery) -> dict[str, str]:
     known = battery.identification
     logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
     idle = battery.idle_current_A
-    exact = taken_as_exact(battery)
+    exact = band_forecast.taken_as_exact(battery)
     learnt = battery.knowledge.logs if battery.knowledge else ()
+    voltage_gain = battery.noise.voltage_gain_std
     rows = {
         "tests": "; ".join(logs) or "none",
         "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
@@ -357,16 +343,9 @@ def sources(battery: Battery) -> dict[str, str]:
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
-        "voltage sensor": voltage_sensor(battery.noise),
+        "voltage sensor": f"gain ± {100 * BAND_95 * voltage_gain:.2g} % (95 %)" if voltage_gain else "that of the test",
     }
     return rows | ({"assumed exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
-
-
-def voltage_sensor(noise: BatteryNoise) -> str:
-    """Gain of the voltage sensor in words."""
-    if not noise.voltage_gain_std:
-        return "that of the test"
-    return f"gain ± {100 * BAND_95 * noise.voltage_gain_std:.2g} % (95 %)"
 
 
 def capacity_uncertainty(noise: BatteryNoise) -> str:
@@ -390,7 +369,7 @@ def _soc_range(fit: LogFit) -> str:
     return f"{low} to {high} %"
 
 
-def _cell(band: BandForecast) -> str:
+def _cell(band: band_forecast.BandForecast) -> str:
     return f"± {band.known_start:.1f} / {band.unknown_start:.1f}"
 
 
@@ -431,11 +410,8 @@ def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
         "Pulses": str(s.activity.pulses),
     }
     page = _with_findings(page.numbers(figures), found)
-    plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
-    plots += [pictures.temperature_figure(log)] if log.temperature_degC is not None else []
-    plots += pictures.further_figures(log)
-    plots += [pictures.interval_figure(log)] if len(log) > 1 else []
-    page = page.plot(*plots, clock=wall_clock(log))
+    intervals = [pictures.interval_figure(log)] if len(log) > 1 else []
+    page = page.plot(*pictures.log_figures(log), *intervals, clock=wall_clock(log))
     page = page.table(["Quantity", "Found"], list(contents(log, found).items()))
     return with_assumptions(page, found.notes)
 

@@ -11,13 +11,7 @@ from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.battery.soc.score import soc_reference
-from ohmward.cli.battery_inputs import (
-    given_start,
-    load_with_sensor,
-    log_files,
-    read_battery_log,
-    read_options,
-)
+from ohmward.cli.battery_inputs import given_start, load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import fields, paragraphs, table

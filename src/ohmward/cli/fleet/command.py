@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ohmward import fleet
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
@@ -21,18 +22,6 @@ from ohmward.errors import InputError
 from ohmward.figures.health import battery_map, trend_figure
 from ohmward.figures.numbers import percent
 from ohmward.filters.consistency import BAND_95
-from ohmward.fleet import (
-    Finished,
-    Job,
-    RobotJob,
-    RobotRecord,
-    Robots,
-    in_processes,
-    on_dask,
-    robot_states,
-    robots_of,
-    run_fleet,
-)
 from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL, with_band
 from ohmward.fleet.run import Executor
 from ohmward.logs.table import counted
@@ -64,22 +53,22 @@ def run(args: argparse.Namespace) -> Outcome:
         paths = [str(Path(path).absolute()) for path in paths]
     text = BATTERY_FILE.dump(battery) if notes else Path(args.battery).read_text(encoding="utf-8")
     estimates = str(folder / "estimates") if args.estimates else None
-    job = Job(text, name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
-    robots = robots_of(paths, args.by, job.reading.hints)
-    here = partial(in_processes, processes=args.processes or os.cpu_count() or 1)
-    executor = partial(on_dask, address=args.dask) if args.dask else here
+    job = fleet.Job(text, name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
+    robots = fleet.robots_of(paths, args.by, job.reading.hints)
+    here = partial(fleet.in_processes, processes=args.processes or os.cpu_count() or 1)
+    executor = partial(fleet.on_dask, address=args.dask) if args.dask else here
     notes += _grouping_notes(robots, args.by)
     if robots.by != ALONE:
         of_none = {"": list(robots.unreadable)} if robots.unreadable else {}
-        of_robots = RobotJob(job, robots.logs | of_none, str(folder / "batteries"))
+        of_robots = fleet.RobotJob(job, robots.logs | of_none, str(folder / "batteries"))
         return _of_robots(args.battery, of_robots, folder, executor, notes)
     with progress() as report:
-        finished = run_fleet(paths, job, folder, executor, _progress_of(report))
+        finished = fleet.run_fleet(paths, job, folder, executor, _progress_of(report))
     figures = summary(args.battery, finished.rows, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures), notes, status=status(figures))
 
 
-def _grouping_notes(robots: Robots, by: str | None) -> list[str]:
+def _grouping_notes(robots: fleet.Robots, by: str | None) -> list[str]:
     """The way by which the robots were identified, and the logs for which it was another; by: as asked for."""
     if robots.by == ALONE:
         why = "" if by == ALONE else ": no column, serial number, name or folder gives a robot several logs; see --by"
@@ -97,12 +86,12 @@ def _grouping_notes(robots: Robots, by: str | None) -> list[str]:
     return notes
 
 
-def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, notes: list[str]) -> Outcome:
+def _of_robots(battery: str, job: fleet.RobotJob, folder: Path, executor: Executor, notes: list[str]) -> Outcome:
     """Estimate the logs of each robot one after the other, and write the page of the fleet."""
     Path(str(job.batteries)).mkdir(parents=True, exist_ok=True)
     with progress() as report:
-        finished = run_fleet(job.items, job, folder, executor, _progress_of(report, "robots"), batch=1)
-    states = robot_states(finished.rows)
+        finished = fleet.run_fleet(job.items, job, folder, executor, _progress_of(report, "robots"), batch=1)
+    states = fleet.robot_states(finished.rows)
     logs = [log for row in finished.rows for log in row.get("logs", [row])]
     page = folder / PAGE
     figures = summary(battery, logs, finished) | {
@@ -130,7 +119,7 @@ def status(figures: dict[str, Any]) -> int:
     return int(bool(figures["misfits"]))
 
 
-def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dict[str, Any]:
+def summary(battery: str, logs: list[dict[str, Any]], finished: fleet.Finished) -> dict[str, Any]:
     """The object of --json.
 
     battery: path of the battery file.
@@ -161,7 +150,7 @@ def _most(function: Callable, rows: list[dict[str, Any]], name: str) -> float | 
     return function((row[name] for row in rows if row[name] is not None), default=None)
 
 
-def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str:
+def describe(figures: dict[str, Any], states: Sequence[fleet.RobotRecord] = ()) -> str:
     """Text for people; states: of the robots, the worst first."""
     rows = {
         "logs": f"{figures['logs']:,}, {figures['resumed']:,} {'robots' if states else 'of them'} done before",
@@ -183,7 +172,7 @@ def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str
     )
 
 
-def robot_row(state: RobotRecord) -> list[str]:
+def robot_row(state: fleet.RobotRecord) -> list[str]:
     """A robot in the table of `ROBOTS`."""
     return [
         state.robot,
@@ -203,7 +192,7 @@ def _change(change: float | None, std: float | None) -> str:
     return "-" if change is None or std is None else f"{100 * change:+z.1f} ± {100 * BAND_95 * std:.1f}"
 
 
-def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
+def make_page(figures: dict[str, Any], states: Sequence[fleet.RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
     """The fleet on one page: alarms by name, ranking, map and trend of its batteries, logs that were refused."""
     page = Page(f"{len(states)} robots", "Charge, capacity and resistance of each, the worst first")
     page = page.numbers({

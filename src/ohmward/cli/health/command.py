@@ -30,7 +30,12 @@ from ohmward.report import Page
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95}
-WITHIN = {"month": DAYS_PER_YEAR / 12, "half_year": DAYS_PER_YEAR / 2, "year": DAYS_PER_YEAR, "five_years": 5 * 365.25}
+WITHIN = {
+    "month": DAYS_PER_YEAR / 12,
+    "half_year": DAYS_PER_YEAR / 2,
+    "year": DAYS_PER_YEAR,
+    "five_years": 5 * DAYS_PER_YEAR,
+}
 
 #: Likely cause of a sudden change, in words, and its meaning for the trend.
 CAUSES: Mapping[Cause, str] = {

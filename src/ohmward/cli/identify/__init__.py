@@ -44,12 +44,7 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         help="thevenin, its number of RC pairs chosen by evidence, or thevenin-0rc to thevenin-3rc, or rc (default "
         "%(default)s)",
     )
-    group.add_argument(
-        "--chemistry",
-        default="",
-        metavar="NAME",
-        help=CHEMISTRY,
-    )
+    group.add_argument("--chemistry", default="", metavar="NAME", help=CHEMISTRY)
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
     add_initial_soc_option(group, "they do not show it")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit
 from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, LogDetails, identify_in_detail
 from ohmward.battery.models.rc import four_numbers, rc_of_thevenin
@@ -67,17 +67,19 @@ def run(args: argparse.Namespace) -> Outcome:
     backup = replace_battery(battery, args.output) if args.output else None
     several = len(logs) > 1
     notes = [f"{note.level}: {log.name}: {note.text}" if several else str(note) for log in logs for note in log.notes]
-    notes += battery.identification.notes if battery.identification else ()
+    assert battery.identification is not None
+    notes += battery.identification.notes
     written = {"output": args.output, "backup": str(backup) if backup else None, "report": args.report}
     figures = summary(found, seconds, as_rc) | {"notes": notes} | written
     page = partial(make_page, found, figures)
-    return Outcome(figures, describe(battery, figures), notes, page, status=int(not found.fits))
+    return Outcome(figures, describe(figures), notes, page, status=int(not found.fits))
 
 
 def summary(found: Identified, seconds: float, as_rc: bool = False) -> dict[str, Any]:
     """The object of --json without the notes and the files; as_rc: with the circuit as an RC model."""
     battery = found.battery
     source = battery.identification
+    assert source is not None
     return {
         "command": "identify",
         "name": battery.name,
@@ -86,48 +88,46 @@ def summary(found: Identified, seconds: float, as_rc: bool = False) -> dict[str,
         "n_series": battery.n_series,
         "capacity_Ah": battery.capacity_Ah,
         "sensor": battery.sensor,
-        "capacity_measured_Ah": source.capacity_measured_Ah or None if source else None,
-        "parameters": source.confidence if source else [],
+        "capacity_measured_Ah": source.capacity_measured_Ah or None,
+        "parameters": source.confidence,
         "fits": found.fits,
         "rc": rc_summary(battery) if as_rc else None,
-        "logs": source.logs if source else [],
+        "logs": source.logs,
         "not_identified": battery.not_identified,
         "seconds": seconds,
     }
 
 
-def describe(battery: Battery, figures: dict[str, Any]) -> str:
+def describe(figures: Mapping[str, Any]) -> str:
     """Text for people."""
     measured = quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
-    capacity = f"{battery.capacity_Ah:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
-    title = f"battery {battery.name!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"
+    capacity = f"{figures['capacity_Ah']:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
+    title = f"battery {figures['name']!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"
     written = written_battery(figures) if figures["output"] else "No battery file written; name one with -o."
     return paragraphs(
         title,
         "" if figures["fits"] else MISFIT,
-        table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
+        table(PARAMETERS, rows) if (rows := parameter_rows(figures["parameters"], at_soc="0.5")) else "",
         table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
-        table(FITS, fit_rows(battery)),
-        bullets("Not identified", battery.not_identified),
+        table(FITS, fit_rows(figures["logs"])),
+        bullets("Not identified", figures["not_identified"]),
         written,
     )
 
 
-def parameter_rows(battery: Battery, at_soc: str = "") -> list[list[str]]:
+def parameter_rows(confidence: Sequence[ConfidenceInterval], at_soc: str = "") -> list[list[str]]:
     """Each parameter with its confidence interval, in the unit of its name.
 
     at_soc: the only state of charge whose resistances are listed; "" lists those of every one.
     """
-    confidence = battery.identification.confidence if battery.identification else ()
     wanted = [
         c for c in confidence if " at soc " not in c.name or c.name.endswith(f"at soc {at_soc}" if at_soc else "")
     ]
     return [[c.name, f"{c.value:.4g}", f"{c.low:.4g} to {c.high:.4g}"] for c in wanted]
 
 
-def fit_rows(battery: Battery) -> list[list[str]]:
+def fit_rows(fits: Sequence[LogFit]) -> list[list[str]]:
     """Test, SoC range and errors of the simulated voltage of each log."""
-    fits = battery.identification.logs if battery.identification else ()
     return [
         [
             fit.log,
@@ -157,7 +157,7 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
     battery, model = found.battery, found.battery.thevenin
     cells = f"{battery.n_series} cells in series" if battery.n_series > 1 else "one cell"
     what = ", ".join(part for part in (battery.chemistry, cells, f"{battery.capacity_Ah:g} Ah") if part)
-    page = Page(f"Battery {battery.name!r}", what).numbers(_numbers(battery))
+    page = Page(f"Battery {battery.name!r}", what).numbers(_numbers(battery, figures["logs"]))
     if not found.fits:
         page = page.callout("warning", MISFIT)
     for text in battery.not_identified:
@@ -172,20 +172,19 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
         page = _log(page, details)
     if figures["rc"]:
         page = page.heading("RC model").table(["RC model", "value"], rc_rows(figures["rc"]))
-    page = page.heading("Parameters").table(FITS, fit_rows(battery), "How well each log is reproduced")
-    if rows := parameter_rows(battery):
+    page = page.heading("Parameters").table(FITS, fit_rows(figures["logs"]), "How well each log is reproduced")
+    if rows := parameter_rows(figures["parameters"]):
         page = page.table(PARAMETERS, rows, "Parameters with 95 % confidence intervals")
     return page
 
 
-def _numbers(battery: Battery) -> dict[str, str]:
+def _numbers(battery: Battery, fits: Sequence[LogFit]) -> dict[str, str]:
     p = battery.thevenin
     middle = len(p.r0_discharge_ohm) // 2
     numbers = {"Capacity": f"{battery.capacity_Ah:.4g} Ah", "R0 at 50 %": f"{1e3 * p.r0_discharge_ohm[middle]:.3g} mΩ"}
     for j, (row, tau_s) in enumerate(zip(p.r_ohm, p.tau_s, strict=True), start=1):
         numbers[f"R{j} at 50 %"] = f"{1e3 * row[middle]:.3g} mΩ"
         numbers[f"Time constant {j}"] = pictures.seconds_text(tau_s)
-    fits = battery.identification.logs if battery.identification else ()
     if worst_V := max((fit.residual_rms_V for fit in fits), default=0.0):
         numbers["Voltage error, RMS"] = f"{1e3 * worst_V:.3g} mV"
     return numbers

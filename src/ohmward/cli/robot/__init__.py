@@ -25,16 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--radius", type=positive, metavar="M", help="radius of the wheels [m]")
     parser.add_argument(
-        "--track",
-        type=positive,
-        metavar="M",
-        help="between left and right wheels, or across the circle of omni-wheels",
+        "--track", type=positive, metavar="M", help="between left and right wheels, or across the circle of omni-wheels"
     )
     parser.add_argument(
-        "--wheelbase",
-        type=positive,
-        metavar="M",
-        help="between the axles, or from axle to caster; default: the track",
+        "--wheelbase", type=positive, metavar="M", help="between the axles, or from axle to caster; default: the track"
     )
     parser.add_argument("--mass", type=positive, metavar="KG", help="of the robot with its load [kg]")
     parser.add_argument("--gear", type=positive, default=1.0, metavar="N", help="turns of a motor for one of its wheel")

@@ -9,6 +9,7 @@ from typing import Any
 
 from ohmward.atomic import back_up
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.wording import bullets, paragraphs
 from ohmward.errors import InputError
 from ohmward.onboard.sources.ros2 import wheel_of
 from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
@@ -75,29 +76,27 @@ def _facts(robot: Robot) -> dict[str, Any]:
 def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
     """Facts and a drawing, what was assumed, and what to do next."""
     robot, facts = found.robot, _facts(found.robot)
-    lines = [
-        f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
-        "",
-        *_drawing(robot),
-        "",
-        *(
-            f"  {p.name:<12} {p.x_m:+.3f} m ahead, {p.y_m:+.3f} m left{'' if p.driven else ', rolls along'}"
-            for p in robot.places
-        ),
+    places = [
+        f"  {p.name:<12} {p.x_m:+.3f} m ahead, {p.y_m:+.3f} m left{'' if p.driven else ', rolls along'}"
+        for p in robot.places
     ]
-    if found.assumed:
-        lines += ["", "Assumed:", *(f"  - {sentence}" for sentence in found.assumed)]
     unlike = {wheel: joint for wheel, joint in found.joints.items() if wheel_of(joint) != wheel}
     named = ", ".join(f'{wheel} = "{joint}"' for wheel, joint in unlike.items())
     settings = [f"joints = {{ {named} }}"] if named else []
     settings += [f"imu_rpy = {[round(angle, 4) for angle in rpy]}  # {name}" for name, rpy in found.imu_rpy.items()]
-    if settings:
-        lines += ["", "Of the [[source]] of ROS 2 in the setup of `run`:", *(f"  {line}" for line in settings)]
-    if output:
-        lines += ["", f"robot file: {output}" + (f"; before: {backup}" if backup else "")]
-        lines += ["", "Next:", f"  - ohmward slip drive.csv --robot {output} --report slip.html"]
-        lines += [f"  - ohmward calibrate drive.csv --robot {output} ..., from drives whose true motion is known"]
-    return "\n".join(lines)
+    following = [
+        f"ohmward slip drive.csv --robot {output} --report slip.html",
+        f"ohmward calibrate drive.csv --robot {output} ..., from drives whose true motion is known",
+    ]
+    return paragraphs(
+        f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
+        "\n".join(_drawing(robot)),
+        "\n".join(places),
+        bullets("Assumed", found.assumed),
+        "\n  ".join(["Of the [[source]] of ROS 2 in the setup of `run`:", *settings]) if settings else "",
+        f"robot file: {output}" + (f"; before: {backup}" if backup else "") if output else "",
+        bullets("Next", following) if output else "",
+    )
 
 
 def _drawing(robot: Robot) -> list[str]:

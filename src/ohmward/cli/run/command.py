@@ -89,11 +89,7 @@ async def _run(process: Process, seconds: float | None) -> None:
     await process.run()
 
 
-_TITLES = {
-    Level.ERROR: "Wrong, with the fix",
-    Level.WARN: "Not known yet",
-    Level.OK: "In order",
-}
+_TITLES = {Level.ERROR: "Wrong, with the fix", Level.WARN: "Not known yet", Level.OK: "In order"}
 
 
 def summary(trial: Trial) -> dict[str, Any]:

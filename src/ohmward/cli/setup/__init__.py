@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import CHEMISTRY, ROBOT
+from ohmward.cli.options import CHEMISTRY, ROBOT, add_current_sign_option
 from ohmward.cli.parser import count, pair, positive
 
 EXAMPLES = """\
@@ -66,11 +66,8 @@ def _add_signals(group: argparse._ArgumentGroup) -> None:
         metavar="KIND=UNIT",
         help="where neither name nor database has it: wheel_speed=rpm, current=mA, yaw_rate=deg/s",
     )
-    group.add_argument(
-        "--current-sign",
-        choices=("auto", "charge", "discharge"),
-        default="auto",
-        help="what a positive current does to the battery; auto finds it from values, if any are heard",
+    add_current_sign_option(
+        group, "what a positive current does to the battery; auto finds it from values, if any are heard"
     )
     group.add_argument("--shaft", choices=("wheel", "motor"), help="that speeds are of: behind the gear, or before it")
     group.add_argument("--counts-per-turn", type=positive, metavar="N", help="of the encoders, where they send counts")

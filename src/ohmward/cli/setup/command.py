@@ -23,16 +23,8 @@ from ohmward.cli.parser import Parser
 from ohmward.cli.setup import add_arguments
 from ohmward.cli.wording import bullets, fields, paragraphs
 from ohmward.errors import InputError
+from ohmward.onboard import discovery
 from ohmward.onboard.can_bus import CanDatabase, CanPort
-from ohmward.onboard.discovery import (
-    BagTopic,
-    messages_of_line,
-    of_broker,
-    of_bus,
-    of_can_log,
-    of_database,
-    topics_of_bag,
-)
 from ohmward.onboard.message import ScaledSignal, signal_line
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.recognition import Answers, Offered, Question, ask_wheels, recognise
@@ -65,7 +57,7 @@ class Offer(NamedTuple):
     kind: str
     settings: dict[str, Any]
     offered: list[Offered]
-    topics: tuple[BagTopic, ...] = ()
+    topics: tuple[discovery.BagTopic, ...] = ()
     questions: tuple[Question, ...] = ()
 
 
@@ -80,11 +72,6 @@ class SetupPlan(NamedTuple):
     questions: list[Question]
     notes: list[str]
     unused: list[str]
-
-    @property
-    def wired(self) -> dict[str, str]:
-        """Signal -> name in its source, with its scale."""
-        return {s: _wired(signal) for _, signals in self.sources for s, signal in signals.items()}
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -111,18 +98,14 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _look(source: str, args: argparse.Namespace) -> Offer:
-    """The signals that a source offers.
-
-    Raises:
-        InputError: the kind of source is unknown, or it has CAN frames and there is no database.
-    """
+    """The signals that a source offers."""
     suffix = Path(source).suffix.lower()
     if suffix in _DATABASES:
-        return _can(CanPort(channel=args.channel or "can0"), source, of_database(CanDatabase(source)))
+        return _can(CanPort(channel=args.channel or "can0"), source, discovery.of_database(CanDatabase(source)))
     if suffix in _RECORDINGS or Path(source).is_dir():
-        return _recording(topics_of_bag(source), {})
+        return _recording(discovery.topics_of_bag(source), {})
     if suffix in _CAN_LOGS and Path(source).exists():
-        log = of_can_log(source, CanDatabase(_database(source, args)))
+        log = discovery.of_can_log(source, CanDatabase(_database(source, args)))
         return _can(CanPort(channel=args.channel or "can0"), args.dbc, log)
     if source.startswith("mqtt://"):
         return _broker(source, args)
@@ -130,7 +113,7 @@ def _look(source: str, args: argparse.Namespace) -> Offer:
         return _line(source, args)
     if found := _BUS.fullmatch(source):
         port = CanPort(found["interface"] or "socketcan", found["channel"] or found["link"])
-        return _can(port, args.dbc, of_bus(port, CanDatabase(_database(source, args)), args.seconds))
+        return _can(port, args.dbc, discovery.of_bus(port, CanDatabase(_database(source, args)), args.seconds))
     raise InputError(
         f"{source!r} is no source: give a CAN database (.dbc), a recording of CAN ({', '.join(_CAN_LOGS)}) or of ROS "
         f"({', '.join(_RECORDINGS)}, a folder), can0 or INTERFACE:CHANNEL, mqtt://HOST, or a serial port"
@@ -153,7 +136,7 @@ def _broker(source: str, args: argparse.Namespace) -> Offer:
     settings: dict[str, Any] = {"host": url.hostname or "localhost", "port": url.port or 1883}
     settings |= {"username": url.username} if url.username else {}
     settings |= {"password": args.password} if args.password else {}
-    offered = of_broker(MqttBroker(**settings), args.seconds)
+    offered = discovery.of_broker(MqttBroker(**settings), args.seconds)
     own = sorted({topic for one in offered if (topic := one.name.rpartition("#")[0]) and one.short in QUANTITIES})
     left = [one for one in offered if one.name.partition("#")[0] not in own]
     return Offer("mqtt", settings | ({"topics": own} if own else {}), left)
@@ -162,7 +145,7 @@ def _broker(source: str, args: argparse.Namespace) -> Offer:
 def _line(source: str, args: argparse.Namespace) -> Offer:
     """Messages of a serial line; their values have only the names that --message gives."""
     given = {number: names.split(",") for number, names in args.message}
-    heard = {} if given else messages_of_line(source, args.baud, args.seconds)
+    heard = {} if given else discovery.messages_of_line(source, args.baud, args.seconds)
     questions = [
         Question(f"message {number} has {count} values: what are they, in order?", "--message", f"{number}=NAME,...")
         for number, count in heard.items()
@@ -172,7 +155,7 @@ def _line(source: str, args: argparse.Namespace) -> Offer:
     return Offer("serial", settings, [Offered(name, name) for name in names if name], (), tuple(questions))
 
 
-def _recording(topics: Sequence[BagTopic], chosen: Mapping[str, str]) -> Offer:
+def _recording(topics: Sequence[discovery.BagTopic], chosen: Mapping[str, str]) -> Offer:
     """Topics of a ROS recording, which the robot has too; where several have one type, a question asks which.
 
     chosen: topics by the setting of the source, where the user names them.
@@ -253,7 +236,7 @@ def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
     return answers._replace(signals={s: name for s, name in answers.signals.items() if alone or name in names})
 
 
-def _check_topics(chosen: Mapping[str, str], topics: Sequence[BagTopic]) -> None:
+def _check_topics(chosen: Mapping[str, str], topics: Sequence[discovery.BagTopic]) -> None:
     """Raise InputError for a topic that no recording has, or that is of another type than its setting takes."""
     for key, name in chosen.items():
         if not any(topic.name == name and topic.type == TOPICS[key] for topic in topics):
@@ -362,11 +345,7 @@ def _ask(questions: Sequence[Question]) -> list[str]:
 
 
 def _write(plan: SetupPlan) -> dict[str, str]:
-    """Write the files; returns path -> backup of the file that was there before.
-
-    Raises:
-        OhmwardError: a file cannot be written.
-    """
+    """Write the files; returns path -> backup of the file that was there before."""
     text = "\n".join(_lines(plan)) + "\n"
     SETUP_FILE.parse(text)
     backups = {}
@@ -421,8 +400,9 @@ def _wired(signal: ScaledSignal) -> str:
 
 def _found(plan: SetupPlan) -> dict[str, str]:
     """What the robot sends, by ohmward's names: signals, ROS topics, and values that have such names already."""
-    found = plan.wired
-    for offer, _ in plan.sources:
+    found: dict[str, str] = {}
+    for offer, signals in plan.sources:
+        found |= {s: _wired(signal) for s, signal in signals.items()}
         settings = offer.settings
         found |= {key: settings[key] for key in TOPICS if key in settings}
         found |= {f"wheel {wheel}": joint for wheel, joint in settings.get("joints", {}).items()}
@@ -432,7 +412,6 @@ def _found(plan: SetupPlan) -> dict[str, str]:
 
 
 def _summary(plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
-    """The object of --json."""
     signals = {
         signal: {"source": offer.kind, **wired.__dict__}
         for offer, found in plan.sources

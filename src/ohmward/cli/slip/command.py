@@ -19,18 +19,8 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
-from ohmward.traction import Robot, Terrain, load_robot
+from ohmward.traction import Robot, Terrain, load_robot, observed_drive
 from ohmward.traction.friction.terrain import terrain_named
-from ohmward.traction.observed_drive import (
-    FloorFigures,
-    ObservedDrive,
-    PoseFigures,
-    drive_figures,
-    floor_figures,
-    observe_drive,
-    observe_on_floors,
-    pose_figures,
-)
 from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.score import score_drive, score_figures, true_slip
 from ohmward.traction.speed_observer.estimate import SlipAlarm
@@ -62,9 +52,9 @@ def run(args: argparse.Namespace) -> Outcome:
     task = SlipTask(robot, terrain, log, read_drive_truth(log, robot, args.truth) if truths else None)
     with progress() as report:
         if args.floors:
-            observed = observe_on_floors(robot, log, load_floors(args.floors), args.filter, args.floor)
+            observed = observed_drive.observe_on_floors(robot, log, load_floors(args.floors), args.filter, args.floor)
         else:
-            observed = observe_drive(robot, log, terrain, args.filter, counting(report, args.filter))
+            observed = observed_drive.observe_drive(robot, log, terrain, args.filter, counting(report, args.filter))
     if args.output:
         truth = {"speed_truth_m_s": task.reference.truth.speed_m_s} if task.reference else {}
         write_table(observed.columns() | truth, args.output)
@@ -73,13 +63,13 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, describe(figures), figures["notes"], page, status=int(not observed.fits))
 
 
-def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any]:
+def summary(task: SlipTask, name: str, observed: observed_drive.ObservedDrive) -> dict[str, Any]:
     """The object of --json, but for the files."""
     score, truth = None, []
     if task.reference:
         score = score_drive(task.robot, observed.track.estimates, task.reference.truth)
         truth = [f"info: {task.reference.note}"]
-    on_floors = floor_figures(observed.on_floors)._asdict() if observed.on_floors else {}
+    on_floors = observed_drive.floor_figures(observed.on_floors)._asdict() if observed.on_floors else {}
     return {
         "command": "slip",
         "log": task.log.name,
@@ -89,14 +79,14 @@ def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any
         "steps": len(task.log),
         "seconds": observed.track.seconds,
         "duration_s": task.log.duration_s,
-        **drive_figures(observed)._asdict(),
-        "pose": pose_figures(observed, task.log.yaw_rate_rad_s is not None),
+        **observed_drive.drive_figures(observed)._asdict(),
+        "pose": observed_drive.pose_figures(observed, task.log.yaw_rate_rad_s is not None),
         "fits": observed.fits,
         "flags": observed.track.counts(),
         **score_figures(score),
         "truth": task.reference.note if task.reference else None,
         "notes": [*map(str, observed.notes), *truth],
-        **(dict.fromkeys(FloorFigures._fields) | on_floors),
+        **(dict.fromkeys(observed_drive.FloorFigures._fields) | on_floors),
     }
 
 
@@ -115,8 +105,8 @@ def describe(f: Mapping[str, Any]) -> str:
 
 def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
-    pose: PoseFigures = f["pose"]
-    grade = f["grade_rad"] is not None
+    pose: observed_drive.PoseFigures = f["pose"]
+    grade, radius = f["grade_rad"] is not None, percent(f["radius_ratio"], 1)
     offset, offset_std = pose.gyro_offset_rad_s, pose.gyro_offset_std_rad_s
     gyro = f"{offset:z.4f} ± {BAND_95 * offset_std:.2g} rad/s" if offset is not None and offset_std is not None else ""
     rows = {
@@ -129,7 +119,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "offset of the gyro": gyro,
         "friction": _friction(f["friction_ratio"], f["friction_std"]),
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
-        "radius": _ratio(f["radius_ratio"], f["radius_std"], "the robot's"),
+        "radius": f"{radius} ± {percent(BAND_95 * f['radius_std'], 1)} of the robot's" if f["radius_ratio"] else "",
         "speed unobserved": f"{percent(f['unobserved_share'], 1)} of the time",
         "flagged samples": flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
@@ -155,11 +145,6 @@ def _friction(ratio: float | None, relative_std: float) -> str:
     if factor > _KNOWN_WITHIN:
         return f"not known from this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
     return f"{percent(ratio, 1)} ({percent(ratio / factor, 1)} to {percent(ratio * factor, 1)}) of the ground's"
-
-
-def _ratio(ratio: float | None, std: float, of: str) -> str:
-    """Ratio to the assumed value, with its 95 % band; empty where it was not estimated."""
-    return "" if ratio is None else f"{percent(ratio, 1)} ± {percent(BAND_95 * std, 1)} of {of}"
 
 
 def _degrees(angle_rad: float, std_rad: float, form: str, form_of_band: str) -> str:
@@ -200,7 +185,7 @@ def errors(f: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> Page:
+def make_page(task: SlipTask, observed: observed_drive.ObservedDrive, f: Mapping[str, Any]) -> Page:
     """Key figures, plots on a common time axis, episodes, assumptions."""
     what = f"Speed and slip by {f['filter']}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
     numbers = {
@@ -232,7 +217,7 @@ def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> 
     return page
 
 
-def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:
+def _plots(task: SlipTask, observed: observed_drive.ObservedDrive) -> list[Figure]:
     robot, run = task.robot, observed.track
     e = run.estimates
     truth = task.reference.truth if task.reference else None

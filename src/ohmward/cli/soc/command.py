@@ -23,7 +23,7 @@ from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, sentence, styled, table, width
 from ohmward.figures import battery as pictures
-from ohmward.figures.numbers import band, duration, flagged, lognormal, normal, percent, quantity
+from ohmward.figures.numbers import band, duration, flagged, lognormal, normal, percent, percent_band, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
@@ -149,7 +149,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     start, low, high = (percent(f[name], 1) for name in ("soc_initial", "soc_min", "soc_max"))
     weakest, rejected = f["weakest_expected"], f["rejected_voltages"]
     rows = {
-        "SoC at the end": f"{_percent_band(f['soc_final'], f['soc_std_final'])} (95 %)",
+        "SoC at the end": f"{percent_band(f['soc_final'], f['soc_std_final'])} (95 %)",
         "SoC before": f"started at {start}, ran from {low} to {high}",
         "weakest cell": f"not measured; probably {band(weakest['soc'], weakest['soc_std'])} %" if weakest else "",
         "voltage error": quantity(f["voltage_rmse_V"], "mV RMS", 1e3)
@@ -166,10 +166,6 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
 def learnt(f: Mapping[str, Any], name: str) -> dict[str, float]:
     """Mean and standard deviation of a quantity of `LEARNT` at the end."""
     return {"mean": f[name], "std": f[STD_OF[name]]}
-
-
-def _percent_band(soc: float, std: float) -> str:
-    return f"{percent(soc, 1)} ± {percent(BAND_95 * std, 1)}"
 
 
 def cause_rows(f: Mapping[str, Any]) -> list[list[str]]:
@@ -198,8 +194,8 @@ def anchor_rows(f: Mapping[str, Any]) -> list[list[str]]:
             anchor["kind"],
             duration(anchor["time_s"]),
             anchor["source"] + (", used" if anchor["used"] else ""),
-            _percent_band(anchor["soc"], anchor["soc_std"]),
-            _percent_band(anchor["soc_estimated"], anchor["soc_std_estimated"]),
+            percent_band(anchor["soc"], anchor["soc_std"]),
+            percent_band(anchor["soc_estimated"], anchor["soc_std_estimated"]),
         ]
         for anchor in f["anchors"]
     ]

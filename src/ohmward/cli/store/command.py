@@ -85,9 +85,6 @@ def _columns(
     wanted: names separated by commas; None for all.
     span_s: first and last time [s]; None where it is open.
     every: keep only every N-th row.
-
-    Raises:
-        InputError: there are no such rows, or no such column.
     """
     names = [name.strip() for name in wanted.split(",")] if wanted else None
     since_s, until_s = (

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import DEFAULT_TERRAIN, LOG, ROBOT, add_drive_options, add_sensor_options
+from ohmward.cli.options import (
+    DEFAULT_TERRAIN,
+    LOG,
+    ROBOT,
+    add_current_sign_option,
+    add_drive_options,
+    add_sensor_options,
+)
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -35,11 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--initial-soc-std", type=positive, metavar="S", help="how sure that is; default: as above")
     add_drive_options(parser, interval=False)
-    parser.add_argument(
-        "--current-sign",
-        choices=("auto", "charge", "discharge"),
-        default="auto",
-        help="of a battery's log: what a positive current in the file does to it (default %(default)s)",
+    add_current_sign_option(
+        parser, "of a battery's log: what a positive current in the file does to it (default %(default)s)"
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("-o", "--output", metavar="FILE", help="write what the firmware says: .csv, .parquet or .mcap")
