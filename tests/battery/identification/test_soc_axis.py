@@ -5,7 +5,8 @@ import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.soc_axis import anchor_soc, capacity_from_rests, full_charges, sweep_anchor
+from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, capacity_from_rests, full_charges, sweep_anchor
+from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -149,3 +150,11 @@ def test_efficiency_from_two_full_charges():
 def test_default_efficiency_where_the_log_does_not_tell():
     axis = anchor_soc(record_of(cc_cv(cell(), 0.5, efficiency=0.9)), 2.0, efficiency=0.9)
     assert axis.efficiency == 0.9 and axis.soc[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_count_that_ends_below_empty_has_drifted_by_that():
+    """A drift that grows evenly from 0 to 6 % has a root mean square of 6 % / sqrt(3)."""
+    anchors = (SocAnchor(0, 1.0, 0.01, "full charge"),)
+    inside, beyond = (SocAxis(np.linspace(1.0, end, 11), anchors, 1.0, ()) for end in (0.0, -0.06))
+    assert inside.std == pytest.approx(0.01, rel=1e-12)
+    assert beyond.std == pytest.approx(np.hypot(0.01, 0.06 / np.sqrt(3.0)), rel=1e-12)

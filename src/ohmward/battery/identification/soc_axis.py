@@ -66,8 +66,12 @@ class SocAxis(NamedTuple):
 
     @property
     def std(self) -> float:
-        """Standard deviation of the axis, that of its anchors."""
-        return float(np.sqrt(np.mean([a.std**2 for a in self.anchors])))
+        """Standard deviation of the axis: that of its anchors, and of a count that leaves [0, 1].
+
+        A count that ends x beyond empty or full has drifted by x since its anchor, x / sqrt(3) rms along the way.
+        """
+        beyond = max(-self.soc.min(), self.soc.max() - 1.0, 0.0)
+        return float(np.sqrt(np.mean([a.std**2 for a in self.anchors]) + beyond**2 / 3.0))
 
 
 def anchor_soc(
