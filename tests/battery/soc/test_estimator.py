@@ -14,7 +14,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.sample import Estimator, SocFlag
+from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -66,6 +66,18 @@ def test_a_dated_log_begins_with_the_doubt_of_its_day(sums, days):
     np.testing.assert_allclose(first.soh_capacity_std[:50], expected.soh_capacity_std[:50], rtol=1e-9)
     given = SocEstimator(settings(DATED), 0.8, unix_s=1.79e9 + 86400.0 * days)
     assert given.update(0.0, *map(float, row(COLUMNS, 0)[1:3])).soh_capacity_std == first.soh_capacity_std[0]
+
+
+def test_a_resumed_estimator_knows_its_day():
+    day = 1.79e9 + 86400.0 * 1000
+    estimator = SocEstimator(TheveninFilter(LFP, DATED), 0.8, unix_s=day)
+    estimator.update(0.0, *map(float, row(COLUMNS, 0)[1:3]))
+    resumed = SocEstimator.restore(TheveninFilter(LFP, DATED), json.loads(json.dumps(estimator.snapshot())))
+    assert resumed.unix_s == day
+    first = SocSample(*map(float, row(COLUMNS, 0)))
+    expected, again = (TheveninFilter(LFP, DATED.on(day)).init(first), resumed.init_again(first))
+    np.testing.assert_array_equal(again.belief.mean, expected.belief.mean)
+    np.testing.assert_array_equal(again.belief.lower, expected.belief.lower)
 
 
 def test_an_undated_log_begins_with_the_doubt_of_the_file():

@@ -320,13 +320,18 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return explain(settings, self.kernel, self.state, self.last, self.memory.history(self.time_s))
 
     def snapshot(self) -> dict[str, Any]:
-        """The state and the memory as a dict for JSON, see `LiveEstimator.snapshot`."""
-        return take(self.settings, self.state, self.time_s, memory=self.memory.to_json())
+        """The state, the memory and the date of the start as a dict for JSON, see `LiveEstimator.snapshot`."""
+        return take(self.settings, self.state, self.time_s, memory=self.memory.to_json(), unix_s=self.unix_s)
 
     @classmethod
     def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """Estimator that continues from a snapshot, see `LiveEstimator.restore`; the memory may be missing from it."""
+        """Estimator that continues from a snapshot, see `LiveEstimator.restore`.
+
+        Memory and date may be missing from it.
+        """
         estimator = super().restore(settings, snapshot, **options)
+        if estimator.unix_s is None:
+            estimator.unix_s = snapshot.get("unix_s")
         if "memory" in snapshot:
             estimator.memory = ChargeMemory.of_json(snapshot["memory"])
         return estimator
@@ -337,7 +342,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def init_again(self, sample: SocSample) -> Any:
         """State before a sample after the last state was lost: the initial SoC given by the user no longer holds."""
-        return self.settings.init(sample)
+        return on_day(self.settings, self.unix_s).init(sample)
 
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""
