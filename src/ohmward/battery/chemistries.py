@@ -206,6 +206,8 @@ _NICKEL = ChemistryPrior(
     0.07,
     ageing_correlation=(0.0, 0.0),
     unfitted_curve=CurvePrior((0.015,) * 2, 0.03, 0.3),
+    charging_factor=6.0,
+    gassing_factor=100.0,
 )
 #: Near full a growing part of the charging current makes oxygen instead.
 _NICKEL_EFFICIENCY = 0.95

@@ -17,8 +17,9 @@ from ohmward.battery.identification.circuit_uncertainty import (
     hysteresis_std,
     load_temperature,
     ocv_std_V_per_K,
-    unknown_hysteresis_V,
     untested_sentences,
+    usual_hysteresis_V,
+    with_usual_hysteresis,
 )
 from ohmward.battery.identification.fit_samples import simulate
 
@@ -72,7 +73,7 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     assert activation_std_K(fit, problem) == problem.prior.activation_std_K
     hysteresis, activation, curve = untested_sentences(fit, problem, "nmc")
     assert "low-rate discharge and a low-rate charge" in hysteresis
-    assert unknown_hysteresis_V(problem) > 0.0
+    assert usual_hysteresis_V(problem) > 0.0
     assert activation == (
         "activation: currents flowed at 24 to 26 degC only, so how the resistances change with temperature was assumed "
         "as usual for nmc cells: 2500 K (R0), 3200 K (RC pairs) and 1500 K (time constants), each ± 2940 K; the RC "
@@ -146,7 +147,21 @@ def test_a_hysteresis_that_was_seen_is_known_within_half_of_itself():
     problem = swept(24.0, 26.0)
     seen = problem._replace(ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
     fit = fit_circuit(problem, 1)
-    assert (hysteresis_std(fit, problem), hysteresis_std(fit, seen)) == (0.0, 0.5)
-    assert unknown_hysteresis_V(seen) == 0.0
+    assert hysteresis_std(fit, seen) == 0.5
+    assert usual_hysteresis_V(seen) == 0.0
+    assert with_usual_hysteresis(TRUE, seen) is TRUE
     sentences = untested_sentences(fit, seen, "nmc")
     assert not any("hysteresis" in sentence for sentence in sentences)
+
+
+def test_a_hysteresis_that_was_not_tested_stays_open():
+    """A pulse test from full visits the discharge branch: its voltage stays, and that of the other branch is open."""
+    problem = problem_of(pulse_log(cell(), count=20, rest_s=1800.0))
+    half_V = usual_hysteresis_V(problem)
+    opened = with_usual_hysteresis(TRUE, problem)
+    soc = np.linspace(0.1, 0.9, 9)
+    discharge_V = opened.ocv.mean_V(soc, 25.0) - opened.ocv.hysteresis_at(soc)
+    assert opened.ocv.hysteresis_at(soc) == pytest.approx(half_V)
+    assert discharge_V == pytest.approx(TRUE.ocv.mean_V(soc, 25.0), abs=0.2 * half_V)
+    assert opened.tested_branch == pytest.approx(-1.0, abs=0.2)
+    assert hysteresis_std(fit_circuit(problem, 1), problem) == 0.5

@@ -27,6 +27,7 @@ RICH = Thevenin(
     transfer_V=0.1,
     net_charge_hysteresis=True,
     hysteresis_activation_K=500.0,
+    tested_branch=-0.7,
 )
 ALL = Corrections(efficiency=1, ohmic=5, pair=10, tau=2, activation=2, empty_activation=1, hysteresis=1, offset=1)
 #: Typical corrections of each kind.

@@ -20,6 +20,7 @@ from ohmward.battery.models.thevenin import (
     open_circuit,
     pair_decays,
     pair_resistances,
+    scaled_hysteresis,
     voltage,
 )
 from ohmward.errors import InputError
@@ -112,6 +113,14 @@ def test_hysteresis_on_the_net_charge_stays_on_its_branch_in_a_drive_with_regene
     for _ in range(200):
         h = next_hysteresis(next_hysteresis(h, -2.0, 10.0, p), 2.0, 8.0, p)
     assert h == pytest.approx(-1.0 + 16.0 * p.hysteresis_rate / p.capacity_As, rel=1e-12)
+
+
+@pytest.mark.parametrize("branch", [-1.0, 0.0, 1.0])
+def test_an_error_of_the_hysteresis_leaves_the_tested_branch(branch):
+    p = replace(HYSTERETIC, tested_branch=branch)
+    assert scaled_hysteresis(branch, 3.0, p) == branch
+    assert scaled_hysteresis(1.0, 3.0, p) - scaled_hysteresis(-1.0, 3.0, p) == pytest.approx(3.0 * 2.0, rel=1e-12)
+    assert scaled_hysteresis(0.4, 1.0, p) == pytest.approx(0.4, rel=1e-12)
 
 
 def test_hysteresis_grows_in_the_cold():

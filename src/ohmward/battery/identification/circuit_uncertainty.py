@@ -6,6 +6,7 @@ The noise is the residual of the fit and, where there were no data, its posterio
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from ohmward.battery.identification.circuit_solve import (
     error_factor,
     last_direction,
 )
-from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, hysteresis_along
 from ohmward.battery.identification.record import SETTLED_REST_S, Record
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
 from ohmward.battery.models.ocv import hat
@@ -159,6 +160,8 @@ _OUTSIDE_SHARE = 0.02
 
 #: Relative error of a hysteresis from low-rate branches: it is 0.35 to 0.7 of their gap on measured LFP cells.
 _BRANCHES_STD = 0.5
+#: The same of the chemistry's usual one, where no low-rate branches show it.
+_UNTESTED_HYSTERESIS_STD = 0.5
 #: Smallest hysteresis, as a share of the gap, by which its error is divided.
 _SMALLEST_SCALE = 0.1
 
@@ -184,7 +187,7 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
 def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
     """Relative standard deviation of the hysteresis: that of the fit where it has low-rate branches."""
     if not any(problem.ocv.hysteresis_V):
-        return 0.0
+        return _UNTESTED_HYSTERESIS_STD if usual_hysteresis_V(problem) else 0.0
     if not problem.branches:
         return _BRANCHES_STD
     solution, scale = fit.solution, fit.solution.unknowns.group("hysteresis")
@@ -192,9 +195,34 @@ def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
     return remaining_std(found, HYSTERESIS_STD, _BRANCHES_STD)
 
 
-def unknown_hysteresis_V(problem: CircuitProblem) -> float:
-    """Error of the voltage [V] where no low-rate branches show a hysteresis: half their usual distance."""
+def usual_hysteresis_V(problem: CircuitProblem) -> float:
+    """Half the usual distance of the branches [V] where no low-rate branches show it, else 0."""
     return 0.0 if any(problem.ocv.hysteresis_V) else problem.volts * problem.prior.hysteresis_V
+
+
+def with_usual_hysteresis(p: Thevenin, problem: CircuitProblem) -> Thevenin:
+    """The circuit with the usual hysteresis where no low-rate branches show it; with them, as it is.
+
+    Its curve was fitted without one, so it is that of the branch on which the records were, of a pulse test the
+    discharge branch; the mean of both branches is beside it.
+    """
+    half_V = usual_hysteresis_V(problem)
+    if not half_V:
+        return p
+    soc = np.linspace(0.0, 1.0, len(p.ocv.voltage_V))
+    branch = _branch(problem, p)
+    middle_V = np.asarray(p.ocv.voltage_V) - half_V * np.interp(soc, RESISTANCE_GRID, branch)
+    curve = replace(p.ocv, hysteresis_V=(half_V,) * soc.size).corrected(middle_V)
+    return replace(p, ocv=curve, tested_branch=float(branch.mean()))
+
+
+def _branch(problem: CircuitProblem, p: Thevenin) -> np.ndarray:
+    """(21,) mean hysteresis state of the records near each SoC, of the nearest data where there are none."""
+    h = np.concatenate([hysteresis_along(s, p, (0.0,))[:, 0] for s in problem.samples])
+    near, weight = _near(problem)
+    total = near @ weight
+    seen = total > 0
+    return np.interp(RESISTANCE_GRID, RESISTANCE_GRID[seen], (near @ (weight * h))[seen] / total[seen])
 
 
 def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
@@ -206,10 +234,10 @@ def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str)
 def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
     if any(problem.ocv.hysteresis_V):
         return []
-    error_mV = 1e3 * unknown_hysteresis_V(problem)
+    half_mV, factor = 1e3 * usual_hysteresis_V(problem), np.exp(BAND_95 * _UNTESTED_HYSTERESIS_STD)
     return [
-        "hysteresis: needs a low-rate discharge and a low-rate charge; assumed zero, with an error of the voltage of "
-        f"{error_mV:.2g} mV, as usual for {kind}"
+        f"hysteresis: needs a low-rate discharge and a low-rate charge; {half_mV:.2g} mV was assumed beside the tested "
+        f"branch, right within a factor of {factor:.1f} (95 %), as usual for {kind}"
     ]
 
 
@@ -322,7 +350,6 @@ def noise_from_fit(
     if longest_rest_s < SETTLED_REST_S:
         steady_ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
         posterior_V = np.hypot(posterior_V, _LASTING_LOAD_ERROR * typical_A * steady_ohm)
-    posterior_V = np.hypot(posterior_V, unknown_hysteresis_V(problem))
     posterior_V = np.hypot(posterior_V, levelled_V(solution, problem, RESISTANCE_GRID))
     floor_V = volts * max(problem.prior.model_V, problem.prior.pulses_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
@@ -351,13 +378,19 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
 
     Samples that count little in the fit, such as the charge of a lead-acid battery, count little here.
     """
-    soc = np.concatenate([s.soc for s in problem.samples])
-    factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
-    weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
     residual_V = np.concatenate(solution.residual_V)
-    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SOC_WINDOW) & np.isfinite(residual_V)
+    near, weight = _near(problem)
     total = near @ weight
     return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
+
+
+def _near(problem: CircuitProblem) -> tuple[np.ndarray, np.ndarray]:
+    """(21, N) bool: the samples with a voltage within 5 % of each SoC; and the weight of each in the fit (N,)."""
+    soc = np.concatenate([s.soc for s in problem.samples])
+    measured = np.concatenate([np.isfinite(s.voltage_V) for s in problem.samples])
+    factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
+    weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
+    return (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SOC_WINDOW) & measured, weight
 
 
 def overpotential_share(

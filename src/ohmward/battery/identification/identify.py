@@ -42,6 +42,7 @@ from ohmward.battery.identification.circuit_uncertainty import (
     noise_from_fit,
     not_identified,
     untested_sentences,
+    with_usual_hysteresis,
 )
 from ohmward.battery.identification.first_ocv import (
     DEFAULT_MODEL,
@@ -232,6 +233,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
     rest_s = longest_rest_s(fitted)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
+    model = with_usual_hysteresis(model, problem)
     correlation = problem.prior.ageing_correlation[bool(measured)]
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (

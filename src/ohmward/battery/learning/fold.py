@@ -30,6 +30,7 @@ from ohmward.battery.models.thevenin import (
     Thevenin,
     next_state,
     overpotentials,
+    scaled_hysteresis,
 )
 from ohmward.battery.posterior import (
     ACTIVATION_STD_K,
@@ -175,7 +176,9 @@ def folded_curve(curve: OpenCircuit) -> OcvCurve:
     voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
     entropy = theta[p.group("entropy")]
     more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0
-    return ocv.corrected(voltage_V, float(np.exp(theta[p.group("hysteresis")].sum())), more_V_per_K)
+    ratio = float(np.exp(theta[p.group("hysteresis")].sum()))
+    voltage_V = voltage_V + scaled_hysteresis(0.0, ratio, curve.model) * np.asarray(ocv.hysteresis_at(soc))
+    return ocv.corrected(voltage_V, ratio, more_V_per_K)
 
 
 def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> BatteryNoise:

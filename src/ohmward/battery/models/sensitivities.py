@@ -17,7 +17,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.thevenin import CircuitInput, Corrections, Thevenin, next_state, overpotentials, voltage
+from ohmward.battery.models.thevenin import (
+    CircuitInput,
+    Corrections,
+    Thevenin,
+    next_state,
+    overpotentials,
+    scaled_hysteresis,
+    voltage,
+)
 from ohmward.trace import Expression, Kernel, linearize, trace, where
 
 
@@ -96,7 +104,8 @@ class SensitiveCircuit(NamedTuple):
         def terminal_V(z: np.ndarray) -> np.ndarray:
             k = self.corrections(z[n + 2 :])
             there = CircuitInput(u.current_A - k.offset_A, u.temperature_degC)
-            return voltage(np.array([x[0], *z[1 : n + 1], z[n + 1] * k.hysteresis_ratio]), there, p, k)
+            hysteresis = scaled_hysteresis(z[n + 1], k.hysteresis_ratio, p)
+            return voltage(np.array([x[0], *z[1 : n + 1], hysteresis]), there, p, k)
 
         V, G = linearize(terminal_V, np.array([*x, h[1], *state.theta]))
         columns = (G[:, : n + 1] @ S)[0]

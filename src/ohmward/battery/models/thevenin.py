@@ -115,6 +115,9 @@ class Thevenin:
     ocv_slip: float = 0.0
     net_charge_hysteresis: bool = False  #: true: the hysteresis follows the net charge; false: the charge throughput
     hysteresis_activation_K: float = 0.0  #: activation temperature of the hysteresis voltage; 0 if constant
+    #: hysteresis state at which the curve was tested, -1 for a discharge alone: an error of the hysteresis voltage does
+    #: not change the open-circuit voltage there
+    tested_branch: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -137,6 +140,7 @@ class Thevenin:
         for name in (*activations, "hysteresis_activation_K", "ocv_slip"):
             if (value := getattr(self, name)) is not None:
                 require_finite(f"thevenin.{name}", value)
+        require_between("thevenin.tested_branch", self.tested_branch, -1.0, 1.0)
         if self.gassing_V is not None:
             require_positive("thevenin.gassing_V", self.gassing_V)
         if self.transfer_V is not None:
@@ -347,6 +351,16 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc, T) h [V]."""
     soc, *_, h = x
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
+
+
+def scaled_hysteresis(h: Any, ratio: Any, p: Thevenin) -> Any:
+    """Hysteresis state h of a battery whose hysteresis voltage is `ratio` times the file's, in multiples of the file's.
+
+    The open-circuit voltage stays at `p.tested_branch`.
+    """
+    if not p.tested_branch:
+        return h * ratio
+    return p.tested_branch + ratio * (h - p.tested_branch)
 
 
 def log_ratio_by_weather(u: CircuitInput, p: Thevenin) -> Any:

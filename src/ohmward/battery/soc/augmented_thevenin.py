@@ -15,7 +15,8 @@
     ohmic_activation_error_K, pair_activation_error_K
                                      errors of the activation temperatures: the band opens where the battery leaves the
                                      temperature of the test, and closes where it comes back
-    hysteresis_log_ratio             ln of the hysteresis voltage over the file's
+    hysteresis_log_ratio             ln of the hysteresis voltage over the file's; on the branch of the test, the
+                                     open-circuit voltage stays
 
 The last five exist only where the file gives them a standard deviation. The measurement noise is not white either: an
 error that persists for a correlation time is one observation in that time, however often it is sampled, so
@@ -55,6 +56,7 @@ from ohmward.battery.models.thevenin import (
     overpotentials,
     pair_decays,
     pair_resistances,
+    scaled_hysteresis,
     voltage,
 )
 from ohmward.battery.soc.clean_sample import CleanSocSample
@@ -255,7 +257,8 @@ class AugmentedThevenin:
         state = self.split(x)
         u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         _, *v, h = state.circuit
-        circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
+        hysteresis = scaled_hysteresis(h, exp(state.hysteresis_log_ratio), self.model)
+        circuit = np.array([self.curve_soc(state), *v, hysteresis])
         circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
         lasting_V = error.model_std_V * state.model_error + error.level_std_V * state.level_error
         gain_V = error.gain_std_V * state.voltage_gain_error

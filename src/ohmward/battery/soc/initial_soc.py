@@ -140,7 +140,10 @@ def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNois
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     resistance_std = sqrt(noise.resistance_variance_at(u, p))
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
-    hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.hysteresis_V_at(soc, u.temperature_degC)
+    hysteresis_state_std = np.hypot(
+        HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2), p.tested_branch * noise.hysteresis_std
+    )
+    hysteresis = hysteresis_state_std * p.hysteresis_V_at(soc, u.temperature_degC)
     terms = (
         noise.voltage_std_V,
         lasting_std_V(soc, u, p, noise),

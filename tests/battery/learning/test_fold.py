@@ -1,0 +1,28 @@
+"""Corrections that are put into the file, against its voltages before."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.learning.fold import folded_curve
+from ohmward.battery.learning.parameters import parameters_of
+from ohmward.battery.learning.voltage_model import OpenCircuit
+
+
+@pytest.mark.parametrize("branch", [-1.0, 0.0])
+def test_a_learnt_hysteresis_leaves_the_voltage_of_the_tested_branch(branch):
+    battery = generic_battery("nmc", 10.0)
+    battery = replace(
+        battery,
+        thevenin=replace(battery.thevenin, tested_branch=branch),
+        noise=replace(battery.noise, hysteresis_std=0.5),
+    )
+    p, before = parameters_of(battery), battery.thevenin.ocv
+    theta = np.zeros(p.size)
+    theta[p.group("hysteresis")] = np.log(2.0)
+    after, soc = folded_curve(OpenCircuit(battery, theta)), np.linspace(0.0, 1.0, 201)
+    assert after.hysteresis_at(soc) == pytest.approx(2.0 * before.hysteresis_at(soc), rel=1e-12)
+    tested_V = before.mean_V(soc, 25.0) + branch * before.hysteresis_at(soc)
+    assert after.mean_V(soc, 25.0) + branch * after.hysteresis_at(soc) == pytest.approx(tested_V, abs=1e-9)
