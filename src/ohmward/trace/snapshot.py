@@ -16,6 +16,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.optional import require
+from ohmward.toml_file import DIGITS
 from ohmward.trace.structure import Structure, flatten, leaves, scalar_names, shaped, structure_of
 
 #: Version of the dict's layout, raised when old snapshots can no longer be read. Version 1 had no checksum.
@@ -106,8 +107,17 @@ def identity(estimator: Any) -> str:
 
 
 def _identity(estimator: Any) -> str:
-    settings = json.dumps(asdict(estimator), sort_keys=True, default=lambda a: np.asarray(a).tolist())
+    settings = json.dumps(_as_in_files(asdict(estimator)), sort_keys=True, default=lambda a: np.asarray(a).tolist())
     return f"{type(estimator).__name__}-{sha256(settings.encode()).hexdigest()[:16]}"
+
+
+def _as_in_files(value: Any) -> Any:
+    """Settings with the digits that numbers have in a file, so that a saved battery is the same as before."""
+    if isinstance(value, dict):
+        return {key: _as_in_files(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_in_files(item) for item in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 _cached_identity = lru_cache(maxsize=32)(_identity)

@@ -10,6 +10,8 @@ import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from kernels import assert_compiled_is_plain, kernel_of
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
@@ -180,6 +182,19 @@ def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
 def test_the_identity_is_that_of_equal_settings():
     again = TheveninFilter(LFP, BatteryNoise(), idle_current_A=0.0)
     assert snapshot.identity(again) == snapshot.identity(ESTIMATORS["ekf"])
+
+
+@pytest.mark.parametrize("chemistry", ["nmc", "lfp", "lead-acid"])
+def test_a_snapshot_fits_the_battery_that_was_saved_beside_it(tmp_path, chemistry):
+    battery = generic_battery(chemistry, capacity_Ah=10.0 / 3.0, n_series=7)
+    estimator = SocEstimator(battery, 0.8)
+    before = estimator.update(0.0, -1.0, battery.thevenin.ocv.mean_V(0.8, 25.0))
+    save_battery(battery, tmp_path / "battery.toml")
+    saved = load_battery(tmp_path / "battery.toml")
+    assert saved != battery
+    resumed = SocEstimator.restore(saved, json.loads(json.dumps(estimator.snapshot())))
+    after = resumed.update(1.0, -1.0, battery.thevenin.ocv.mean_V(0.8, 25.0))
+    assert after.soc == pytest.approx(before.soc, abs=1e-3)
 
 
 def test_a_late_sample_takes_no_time_and_a_clock_that_was_set_goes_on():
