@@ -246,9 +246,13 @@ class LiveEstimator(ABC, Generic[S, E]):
             found = [self._advance(row, end_s) for row in rows_of(samples)]
             estimates = type(estimates)(*(np.array(column, dtype=float) for column in zip(*found, strict=True)))
         self.time_s = end_s
-        *values, flags = (column[-1] for column in estimates)
-        self.last = type(estimates)(*values, flag_table(self.flag_type)[flags])
+        self.last = self._last_of(estimates)
         return estimates, time.perf_counter() - began
+
+    def _last_of(self, estimates: E) -> E:
+        """The last of estimates (T, ...)."""
+        *values, flags = (column[-1] for column in estimates)
+        return type(estimates)._make([*values, flag_table(self.flag_type)[flags]])  # type: ignore[attr-defined]
 
     def __copy__(self) -> Self:
         """Another estimator in the same state; the settings and the compiled step never change and are shared."""

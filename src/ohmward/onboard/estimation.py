@@ -31,10 +31,8 @@ from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS
 from ohmward.traction.inbox import HEADING, SensorInbox
-from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of
-from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
 from ohmward.traction.terrain.floor import travel_speed
 
@@ -335,10 +333,6 @@ class Estimation:
         pose = self.odometry.update(**seen, observed=slip)
         self.totals = self.totals.after_drive(self._distance_m, float(pose.distance_m))
         self._distance_m = float(pose.distance_m)
-        robot = self.odometry.settings.robot
-        heard = not int(slip.flags) & SlipFlag.NO_ENCODER and not int(pose.flags) & OdometryFlag.NO_GYRO
-        if by_wheels_and_gyro(robot, self._measured) and not force_known(robot, slip):
-            slip = with_slip_of(robot, slip, pose, heard)
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
 
     def _taken_beside(self, group: str) -> dict[str, float]:

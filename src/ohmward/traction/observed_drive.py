@@ -22,7 +22,7 @@ from ohmward.logs.log import Note
 from ohmward.traction.drive_checks import check_drive, mended
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels_and_gyro, force_known, with_slip_of
+from ohmward.traction.odometry.estimator import Odometry, OdometryRun, are_silent, force_known, with_slip_of
 from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate, SlipFlag
@@ -112,9 +112,6 @@ def _greatest(values: np.ndarray) -> float:
 #: A sensor contradicts the model if it is rejected in more than this share of the samples; a robot that slips now and
 #: then reaches a hundredth of that.
 CONTRADICTS = 0.1
-
-#: Time [s] without a report after which a wheel is silent.
-SILENT_S = 1.0
 
 #: Flags of a sensor that the model contradicts, and the advice.
 CONTRADICTIONS = {
@@ -294,8 +291,8 @@ def observe_drive(
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = odometry_for(robot, log).run(log, track.estimates)
-    if by_wheels_and_gyro(robot, log.channels) and not force_known(robot, track.estimates).any():
-        heard = ~_are_silent(log, robot.driven)
+    if not force_known(robot, track.estimates).any():
+        heard = ~are_silent(log.time_s, log.wheel_speed_rad_s[:, : robot.driven])
         track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates, heard), track.seconds)
     return ObservedDrive(
         robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
@@ -307,16 +304,6 @@ def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
     if "speed_m_s" not in log.channels:
         return Odometry(robot)
     return Odometry(robot, noise=replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
-
-
-def _are_silent(log: DriveLog, driven: int) -> np.ndarray:
-    """(T,) True where the gyro or one of the driven wheels has not reported for `SILENT_S`."""
-    assert log.yaw_rate_rad_s is not None
-    measured = np.isfinite(np.column_stack([log.wheel_speed_rad_s[:, :driven], log.yaw_rate_rad_s]))
-    rows = np.where(measured, np.arange(len(log.time_s))[:, None], -1)
-    last = np.maximum.accumulate(rows, axis=0)
-    age_s = np.where(last < 0, np.inf, log.time_s[:, None] - log.time_s[last])
-    return np.asarray((age_s > SILENT_S).any(axis=1))
 
 
 def observe_on_floors(

@@ -2,6 +2,8 @@
 
 import json
 import math
+import pickle
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +14,12 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.motion.sample import RobotSample, samples_of
+from ohmward.traction.odometry.estimator import Odometry
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.robot.robot import GRAVITY, wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe
+from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
@@ -157,6 +162,66 @@ def test_a_live_restart_goes_on_to_the_bit(lowering):
         for found, expected in zip(after.step(sample), before.step(sample), strict=True):
             assert_array_equal(found, expected)
     assert after.snapshot() == before.snapshot()
+
+
+MECANUM = generic_robot(30.0, 0.1, 0.5, 0.5, layout="mecanum")
+SCRUBBING = generic_robot(30.0, 0.1, 0.5, 0.5, layout="skid-steer")
+
+
+def unforced(robot, steps=60, hz=20.0):
+    """A robot without motor currents that speeds up and turns, with a gyro that has an offset."""
+    rng = np.random.default_rng(4)
+    time_s = np.arange(steps) / hz
+    motion = np.zeros((steps, robot.freedoms))
+    motion[:, 0] = np.minimum(time_s, 1.0)
+    motion[:, -1] = 0.2 * np.sin(time_s)
+    wheels = wheel_speeds(robot, motion.T).T
+    gyro = motion[:, -1] + 0.01 + 0.003 * rng.standard_normal(steps)
+    nothing = np.full((steps, robot.driven), math.nan)
+    return DriveLog("unforced", time_s, wheels, nothing, yaw_rate_rad_s=gyro)
+
+
+@pytest.mark.parametrize("robot", [RLMA, MECANUM, SCRUBBING], ids=["differential", "mecanum", "skid-steer"])
+def test_without_motor_currents_speed_and_slip_are_those_of_the_odometry(robot):
+    log = unforced(robot)
+    if robot is SCRUBBING:
+        log = replace(log, motor_current_A=np.ones_like(log.motor_current_A))  # they drag the wheels sideways
+    run, path = SlipEstimator(robot, filter="ekf").run(log), Odometry(robot).run(log)
+    live, pose = SlipEstimator(robot, filter="ekf"), Odometry(robot)
+    for k, (wheels, gyro) in enumerate(zip(log.wheel_speed_rad_s, log.yaw_rate_rad_s, strict=True)):
+        now = live.update(log.time_s[k], wheels, log.motor_current_A[k], gyro)
+        expected = pose.update(log.time_s[k], wheels, gyro)
+        assert now.speed_m_s == expected.speed_m_s
+        assert now.speed_std_m_s == math.sqrt(expected.twist_cov[0, 0])
+        assert_array_equal(now.slip_speed_m_s, expected.slip_speed_m_s)
+    assert_array_equal(run.estimates.speed_m_s, path.estimates.speed_m_s)
+    assert live.last is now
+    assert abs(now.speed_m_s - 1.0) < 0.01
+
+
+def test_the_first_motor_current_ends_the_estimate_by_the_odometry():
+    log = unforced(RLMA)
+    log = replace(log, motor_current_A=np.where(log.time_s[:, None] < 1.5, math.nan, [0.5, 0.5]))
+    run, alone = (
+        SlipEstimator(RLMA, filter="ekf").run(log),
+        SlipEstimator(default_observer(RLMA, filter="ekf")).run(log),
+    )
+    same = run.estimates.speed_std_m_s == alone.estimates.speed_std_m_s
+    assert_array_equal(same, log.time_s >= 1.5)
+
+
+def test_without_motor_currents_a_restart_and_a_copy_go_on_to_the_bit():
+    samples = rows(samples_of(unforced(RLMA), RLMA))
+    before = SlipEstimator(RLMA, filter="ekf")
+    for sample in samples[:30]:
+        before.step(sample)
+    taken = json.loads(json.dumps(before.snapshot(), allow_nan=False))
+    others = [SlipEstimator.restore(RLMA, taken, filter="ekf"), copy(before), pickle.loads(pickle.dumps(before))]
+    for sample in samples[30:]:
+        expected = before.step(sample)
+        for other in others:
+            for found, value in zip(other.step(sample), expected, strict=True):
+                assert_array_equal(found, value)
 
 
 def test_an_unknown_radius_widens_the_sigmas_of_speed_and_slip():

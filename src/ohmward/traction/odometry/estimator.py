@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
@@ -17,7 +17,6 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.outside_speed import ALARM
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
 from ohmward.traction.odometry.model import OdometryNoise
-from ohmward.traction.odometry.modes import slip_modes
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.packaged import load_robot
@@ -30,6 +29,9 @@ Increment = Sequence[float] | np.ndarray
 
 #: No pose increment, and no speed observer.
 NO_INCREMENT, NOT_OBSERVED = np.full(3, np.nan), Observed()
+
+#: Time [s] without a report of all driven wheels after which one is silent.
+SILENT_S = 1.0
 
 
 class OdometryRun(Run[OdometryEstimate]):
@@ -191,11 +193,6 @@ def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
     return measured & (not robot.chassis.scrubs)
 
 
-def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
-    """True if slip is observable from wheels and gyro; measured: channels besides wheels and motor currents."""
-    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured
-
-
 def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
     """Estimates (...) of a speed observer without known forces, with speed and slip from wheels and gyro.
 
@@ -203,7 +200,7 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
     follows from the hypotheses of the odometry (`traction/odometry/modes.py`). In each of them some wheel rolls, which
     shows the speed.
 
-    heard: (...) the condition that all driven wheels and the gyro report; elsewhere the estimates are unchanged.
+    heard: (...) the condition that all driven wheels report; elsewhere the estimates are unchanged.
     """
     slip, std = np.asarray(pose.slip_speed_m_s), np.asarray(pose.slip_speed_std_m_s)
     radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
@@ -231,6 +228,13 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
     return estimate._replace(
         **{name: _where(heard, values, getattr(estimate, name)) for name, values in by_pose.items()}
     )
+
+
+def are_silent(time_s: np.ndarray, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
+    """(T,) True where the wheels (T, wheels) have not all reported for `SILENT_S`."""
+    measured = np.isfinite(wheel_speed_rad_s).all(axis=1)
+    last = np.maximum.accumulate(np.where(measured, np.arange(len(time_s)), -1))
+    return np.asarray((last < 0) | (time_s - time_s[last] > SILENT_S))
 
 
 def _where(heard: Any, values: Any, others: Any) -> np.ndarray:

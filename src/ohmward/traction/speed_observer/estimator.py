@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import copy
 from functools import partial, reduce
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,8 +14,13 @@ from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number,
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
+from ohmward.trace.snapshot import take
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
+from ohmward.traction.odometry.estimator import SILENT_S, Odometry, are_silent, with_slip_of
+from ohmward.traction.odometry.measured_motion import WHEELS
+from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, default_observer
@@ -39,13 +47,17 @@ def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = 
 class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
     """Speed and slip, live or from logs.
 
+    Until a motor current shows the force that drives the robot, speed and slip are those of an `Odometry` of the same
+    samples; the motors of wheels that scrub never show it.
+
     >>> estimator = ow.SlipEstimator("rlma", terrain="gravel")
     >>> estimator.update(time_s=0.0, wheel_speed_rad_s=[0.0, 0.0], current_A=[0.5, 0.5]).slip_speed_m_s.shape
     (2,)
 
     Args:
         robot: a robot, the path of its file, or the name of a packaged one, see `PACKAGED`. Or the
-            settings of an observer; `make_observer` finds them for a robot and a log, whose noise it measures.
+            settings of an observer, which then estimates alone; `make_observer` finds them for a robot and a log, whose
+            noise it measures.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         terrain: ground that is assumed at first, by name; its friction is estimated.
         filter: "ekf", "aekf", "ukf" or "aukf".
@@ -62,9 +74,12 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         terrain: Terrain | str = DEFAULT_TERRAIN,
         filter: str = DEFAULT_FILTER,
     ):
+        if isinstance(robot, str):
+            robot = load_robot(robot)
         observer = robot if isinstance(robot, SpeedObserver) else default_observer(robot, terrain, filter)
         super().__init__(observer, lowering)
         self.observer = observer
+        self._odometry = Odometry(robot, lowering) if isinstance(robot, Robot) else None
         self._counts = len(observer.scene.robot.places), observer.scene.robot.driven
 
     def update(
@@ -120,13 +135,62 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         """
         log = as_drive(log, self.observer.scene.robot)
         samples = samples_of(log, self.observer.scene.robot, self.time_s)
-        return SlipRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
+        odometry, self._odometry = self._odometry, None
+        estimates, seconds = self._scan(samples, first_of(samples), float(log.time_s[-1]), progress)
+        unforced = np.cumsum(self._shows_force(samples)) == 0
+        if odometry is not None and unforced.any():
+            path = odometry.run(log)
+            robot = odometry.settings.robot
+            heard = ~are_silent(log.time_s, log.wheel_speed_rad_s[:, : robot.driven])
+            estimates = with_slip_of(robot, estimates, path.estimates, unforced & heard)
+            seconds += path.seconds
+            self._odometry = odometry if unforced[-1] else None
+            self.last = self._last_of(estimates)
+        return SlipRun(log.time_s, estimates, seconds)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as a dict for JSON, see `LiveEstimator.snapshot`; with that of the odometry, if it is in use."""
+        if self._odometry is None:
+            return super().snapshot()
+        return take(self.settings, self.state, self.time_s, odometry=self._odometry.snapshot())
+
+    @classmethod
+    def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that continues from a snapshot, see `LiveEstimator.restore`."""
+        estimator = super().restore(settings, snapshot, **options)
+        if estimator._odometry is not None:
+            before = snapshot.get("odometry")
+            pose_filter = estimator._odometry.settings
+            estimator._odometry = Odometry.restore(pose_filter, before, lowering=estimator.lowering) if before else None
+        return estimator
+
+    def _advance(self, sample: RobotSample, clock_s: float) -> SlipEstimate:
+        estimate = super()._advance(sample, clock_s)
+        if self._odometry is not None and self._shows_force(sample):
+            self._odometry = None
+        if self._odometry is None:
+            return estimate
+        pose = self._odometry.step(OdometrySample(sample))
+        robot = self._odometry.settings.robot
+        reports = bool(np.isfinite(sample.wheel_speed_rad_s[: robot.driven]).all())
+        heard = reports or self._odometry.state.motion.intervals.age_s[WHEELS] <= SILENT_S
+        self.last = with_slip_of(robot, estimate, pose, heard)
+        return self.last
+
+    def _shows_force(self, samples: RobotSample) -> np.ndarray:
+        """Conditions (...) that a motor current of samples (...) shows the force that drives the robot."""
+        return np.isfinite(samples.current_A).any(axis=-1) & self.observer.uses_currents
 
     def compiled(self) -> Kernel:
         """The step, compiled."""
         nothing = self.no_sample()
         step = partial(considered_step, self.observer)
         return Kernel(step, self.observer.init(nothing), nothing, lowering=self.lowering)
+
+    def __copy__(self) -> Self:
+        other = super().__copy__()
+        other._odometry = copy(self._odometry)
+        return other
 
     def __repr__(self) -> str:
         robot, ground = self.observer.scene.robot, self.observer.scene.terrains[0]

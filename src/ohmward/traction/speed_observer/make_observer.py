@@ -368,10 +368,11 @@ def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
         text = "the accelerometer is not used: it needs a pitch, and the motor currents give the same force"
         notes.append(Note(text))
     if not np.isfinite(log.motor_current_A).any():
-        text = "no motor currents: any torque up to the grip of the wheels counts as possible, so bands are wide"
-        if "yaw_rate_rad_s" in log.channels and "speed_m_s" not in log.channels:
+        text = "no motor currents and no gyro: slip shows only in an outside speed"
+        if "yaw_rate_rad_s" in log.channels:
             text = (
-                "no motor currents: wheels and gyro show which wheel slips beside others, but not that all slip alike"
+                "no motor currents: wheels and gyro show which wheel slips beside others; that all slip alike shows "
+                "only in an outside speed"
             )
         notes.append(Note(text, "warning"))
     return tuple(notes)
