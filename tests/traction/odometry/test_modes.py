@@ -279,7 +279,7 @@ def test_outside_speeds_confirm_a_change_of_the_rims_by_their_likelihood():
 
     waits = after(0.0, measured=False)
     assert waits == pytest.approx((0.4, 0.8, 0.4, 0.2 * math.exp(-0.1 / OVERRUN_S) + 0.04))
-    assert waits.speed_variance == pytest.approx(0.4**2 / 3.0)
+    assert waits.speed_variance == pytest.approx(0.5 * 0.4**2)  # the robot has gained all of it, or nothing
     assert after(0.4) == pytest.approx(waits)  # the robot has not gained what the rims have
     assert after(0.8).change_m_s == pytest.approx(0.0, abs=0.005)
     assert after(0.4, since_m_s=0.4).change_m_s == pytest.approx(0.4)  # measured before the rims changed
@@ -336,7 +336,22 @@ def test_an_outside_speed_that_fell_silent_takes_no_way_back():
     silent = run_over(Overrun(0.0, 2.9, 1.0), 0.5, OutsideSpeed(False, 0.0, 0.1, 0.5, 0.0), 0.9, 0.2)
     assert silent == Overrun(0.0, pytest.approx(3.1), 0.0)
     heard = run_over(Overrun(0.4, 0.8, 1.0), 0.5, OutsideSpeed(True, 0.1, 0.1, 0.5, 0.0), 0.9, 0.2)
-    assert heard == Overrun(0.1, 0.0, pytest.approx(0.1 * (math.exp(-0.2 / OVERRUN_S) + 0.1 * 0.2)))
+    assert heard == Overrun(0.1, 0.0, pytest.approx(0.1 * (math.exp(-0.2 / OVERRUN_S) + 0.1 * 0.2)), 0.4)
+
+
+def test_an_alarm_ends_when_the_rims_have_come_back():
+    """Rims that spun by 0.5 m/s for four seconds, which outside speeds show at 1 Hz, until half a second before one."""
+    time_s = DT_S * np.arange(800)
+    spins = 0.5 * np.clip(np.minimum(time_s - 9.0, 13.6 - time_s) / 0.1, 0.0, 1.0)
+    rolls = np.full(800, 0.6)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        outside = np.where(np.arange(800) % 50 == 0, rolls + 0.05 * rng.standard_normal(800), math.nan)
+        given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": np.zeros(800)}
+        given |= {"speed_m_s": outside, "speed_std_m_s": np.full(800, 0.05)}
+        e, _ = run(FILTER, samples(FILTER, **given))
+        assert np.all(e.slip_probability[(time_s > 12.2) & (time_s < 13.5)] > 0.5)
+        assert np.all(e.slip_probability[(time_s > 13.6) & (time_s < 13.98)] < 0.5)
 
 
 def test_a_gyro_that_glitches_does_not_move_the_robot():

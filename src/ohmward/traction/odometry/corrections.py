@@ -121,6 +121,7 @@ class Overrun(NamedTuple):
     last_m_s: Any = 0.0  #: the last outside speed
     age_s: Any = NEVER_S  #: time since the last outside speed
     way_m: Any = 0.0  #: distance of the pose less that of the outside speeds, each held to the next
+    slip_m_s: Any = 0.0  #: speed of the rims less the last outside speed, at the time of that
 
 
 def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides: Scalar, dt_s: Scalar) -> Overrun:
@@ -132,6 +133,7 @@ def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides:
         last_m_s=where(received.measured, received.speed_m_s, before.last_m_s),
         age_s=where(received.measured, 0.0, age_s),
         way_m=where(received.measured, way_m * (1.0 - slides), way_m),
+        slip_m_s=where(received.measured, received.rims_m_s - received.speed_m_s, before.slip_m_s),
     )
 
 
@@ -145,13 +147,13 @@ class Unconfirmed(NamedTuple):
 
     @property
     def speed_variance(self) -> Any:
-        """Variance [m2/s2] of the speed, as if any change up to this one, and up to its opposite, were as likely."""
-        return self.change_m_s**2 / 3.0
+        """Variance [m2/s2] of the speed about the rims': the robot makes all of the change or none, equally likely."""
+        return self.change_m_s**2 / 2.0
 
     @property
     def way_variance(self) -> Any:
         """Variance [m2] of the distance, likewise."""
-        return self.way_m**2 / 3.0
+        return self.way_m**2 / 2.0
 
 
 def confirm(before: Unconfirmed, rims_m_s: Scalar, received: OutsideSpeed, last: Overrun, dt_s: Scalar) -> Unconfirmed:

@@ -282,8 +282,10 @@ class PoseFilter:
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
         stuck = where(motion.by_driven & motion.turns, motion.sensors.held.probability, 0.0)
-        heard = overrun.age_s <= OVERRUN_S
-        all_slip = where(motion.by_driven & motion.turns & heard, motion.sensors.held.slides, 0.0)
+        # Rims that have come halfway back to the last outside speed no longer slide.
+        lasts = 2.0 * abs(motion.sensors.rim_m_s - overrun.last_m_s) >= abs(overrun.slip_m_s)
+        slides = motion.by_driven & motion.turns & lasts & (overrun.age_s <= OVERRUN_S)
+        all_slip = where(slides, motion.sensors.held.slides, 0.0)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
