@@ -3,7 +3,8 @@ import pytest
 
 from needs import measured_file
 from ohmward.logs import read_log
-from ohmward.logs.log import UnknownSignError
+from ohmward.logs.doctor import examine
+from ohmward.logs.log import Log, UnknownSignError
 from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test
 from ohmward.signals.survey import resolution
 
@@ -188,6 +189,13 @@ def test_a_size_for_charge_and_discharge_has_lost_its_sign(charge_A, discharge_A
         _read(time_s, sign * np.abs(current_A), voltage_V)
     log = _read(time_s, sign * np.abs(current_A), voltage_V, "charge")
     assert [note.level for note in log.notes if "has lost its sign" in note.text] == ["warning"]
+
+
+def test_the_doctor_finds_that_no_sign_is_right():
+    time_s, current_A, voltage_V = _cycled(2.0, 2.0)
+    found = examine(Log("day", time_s, -np.abs(current_A), voltage_V))
+    assert ["has lost its sign" in finding.text for finding in found.findings if finding.severity == "error"] == [True]
+    assert examine(Log("day", time_s, current_A, voltage_V)).worst != "error"
 
 
 def test_one_direction_has_not_lost_its_sign():

@@ -40,6 +40,7 @@ from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
+from ohmward.signals.checks import Finding
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
 from ohmward.signals.current_size import check_wrapped, not_in_amperes
 
@@ -415,7 +416,7 @@ def charging_current(
     return -current_A if sign == "discharge" else current_A, note
 
 
-def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) -> Note:
+def _given_note(given: str, by: str, evidence: SignEvidence, directions: Finding | None) -> Note:
     """Note on a sign that was given; a warning where the data contradict it."""
     text = f"positive current {given}s the battery ({by})"
     if directions:

@@ -117,8 +117,8 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     return SignEvidence(verdict, edges, trend, changes)
 
 
-def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
-    """A sentence on a current (T,) [A] without a sign, although the battery is charged and discharged; else "".
+def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> Finding | None:
+    """A finding on a current (T,) [A] without a sign, although the battery is charged and discharged.
 
     Where the current rises abruptly, the voltage steps up or down, and goes on that way while the current stays: the
     direction that is seen less often must be seen like that at least once.
@@ -127,18 +127,20 @@ def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
     size_A, voltage_V = np.abs(current_A[known]), voltage_V[known]
     largest_A = size_A.max(initial=0.0)
     if size_A.size < 2 or min(-current_A[known].min(), current_A[known].max()) > _NO_SIGN * largest_A:
-        return ""
+        return None
     dI, dV = np.diff(size_A), np.diff(voltage_V)
     noise_V = max(spread(dV), resolution(voltage_V))
     rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))
     held = [k for k in rises if _goes_on(size_A[k + 1 :], voltage_V[k + 1 :], float(np.sign(dV[k])), noise_V)]
     counts = sorted((np.count_nonzero(way * dV[rises] > 0), np.count_nonzero(way * dV[held] > 0)) for way in (1, -1))
     if counts[0][1] == 0:
-        return ""
-    return (
+        return None
+    return Finding(
+        "error",
         "the current has lost its sign: where it rises, the voltage steps up and goes on rising in one place, and "
-        "steps down in another, so charge and discharge are written alike; let the logger write the sign, or a column "
-        "beside it that says charge or discharge, or keep one direction with --from, --to and its --current-sign"
+        "steps down in another, so charge and discharge are written alike",
+        "let the logger write the sign, or a column beside it that says charge or discharge, or keep one direction "
+        "with --from, --to and its --current-sign",
     )
 
 
