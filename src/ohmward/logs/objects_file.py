@@ -31,9 +31,13 @@ _PROTOCOL = re.compile(
 _TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_VALUE})")
 #: Digits of a whole number that is too long for a stamp in nanoseconds.
 _TOO_LONG = 20
-#: Time or date that serial monitors write before a line: `09:15:00.000 -> `, `[09:15:00] `, `2026-03-28T09:15:00Z `.
+#: Time or date that serial monitors and logs of programs write before a line: `09:15:00.000 -> `, `[09:15:00] `,
+#: `[   12.345] bms: `, `2026-03-28 09:15:00,123 - battery - INFO - `, `ts=2026-03-28T09:15:00Z level=info `.
 _MONITOR = re.compile(
-    r"\[?(?P<time>(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)?)\]?(?: *->| *[>:|,])? +"
+    r"(?:ts=|time=)?\[? *"
+    r"(?P<time>(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:\d\d)?|(?<=[\[ ])\d+\.\d+(?=\]))\]?"
+    r"(?: *->| *[>:|,])? +(?:- (?:[\w.]+ - )?)?(?:(?:level=)?(?i:debug|info|warn(?:ing)?|error)\b(?: -|:)? +)?"
+    r"(?:[A-Za-z_][\w./]*: +(?=[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*\s*[:=]))?"
 )
 _PAIR = re.compile(
     r"(?P<name>[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
@@ -235,7 +239,7 @@ def rows_of_lines(text: str) -> list[dict[str, Any]]:
             rows.append(dict(_of_protocol(found)))
         elif _is_row_of_pairs(line):
             monitor = _MONITOR.match(line.strip())
-            row: dict[str, Any] = {"time": monitor["time"]} if monitor else {}
+            row: dict[str, Any] = {"time": monitor["time"].replace(",", ".")} if monitor else {}
             for pair in _PAIR.finditer(_MONITOR.sub("", line.strip(), count=1)):
                 row[f"{pair['name']} [{pair['unit']}]" if pair["unit"] else pair["name"]] = float(pair["value"])
             rows.append(row)
