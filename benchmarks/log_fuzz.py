@@ -104,7 +104,8 @@ def sources(folder: Path) -> dict[str, Source]:
     from logs.formats.frames import damaged_frame
     from logs.formats.mutation import damage, written
     from ohmward.logs.bags.bag_table import is_recording
-    from ohmward.logs.read import HEAD_BYTES, opener_of
+    from ohmward.logs.hints import HEAD_BYTES
+    from ohmward.logs.read import opener_of
 
     places = {name: folder / name for name in ("formats", "recordings", "drives")}
     for place in places.values():

@@ -4,12 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.logs.selection import (
-    find_restarts,
-    require_one_instance,
-    settle_equal_times,
-    sort_rows,
-)
+from ohmward.logs.selection import find_restarts, require_one_instance, settle_equal_times, sort_rows
 from ohmward.logs.table import Table
 
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import open_text
-from ohmward.logs.hints import FileHints
-from ohmward.logs.table import HEAD_BYTES, Note, Opener, Stream, Streams, TableFile, counted, parsing
+from ohmward.logs.hints import HEAD_BYTES, FileHints
+from ohmward.logs.table import Note, Opener, Stream, Streams, TableFile, counted, parsing
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 

@@ -107,8 +107,10 @@ def find_columns(
 
     Raises:
         UnclearColumnsError: quantities are missing, or two columns fit equally well; names all of them.
-        InputError: an override names something that does not exist, or one column for two quantities.
+        InputError: an override names something that does not exist, or one column for two quantities; a file that calls
+            itself BDF lacks a required column.
     """
+    _require_bdf_columns(source, names)
     columns = columns or {}
     units = units or {}
     known = [channel.name for channel in BATTERY]
@@ -377,7 +379,7 @@ def has_bdf_columns(names: Sequence[str]) -> bool:
     return all(set(BDF_NAMES[field]) & set(names) for field in _REQUIRED_OF_BDF)
 
 
-def require_bdf_columns(file: str, names: Sequence[str]) -> None:
+def _require_bdf_columns(file: str, names: Sequence[str]) -> None:
     """Refuse a file that calls itself BDF and lacks required columns, which the error names."""
     known = set(map(_quantity, names))
     lacking = [BDF_NAMES[field][0] for field in _REQUIRED_OF_BDF if known.isdisjoint(map(_quantity, BDF_NAMES[field]))]

@@ -11,8 +11,8 @@ from ohmward.errors import InputError
 
 #: Value of `time_format` for days since 1899-12-30.
 EXCEL = "excel"
-
-
+#: First bytes by which a format is recognised: enough for HDF5 after a user block, and the beginning of JSON.
+HEAD_BYTES = 4096
 #: Key in `where` that names topics: `--topic /a` is `--where topic=/a`.
 TOPIC = "topic"
 

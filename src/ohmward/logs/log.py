@@ -25,14 +25,7 @@ from ohmward.logs.battery_columns import (
 )
 from ohmward.logs.clean import without_impossible
 from ohmward.logs.clock import with_joined_time
-from ohmward.logs.columns import (
-    BDF_NAMES,
-    UnclearColumnsError,
-    find_columns,
-    has_bdf_columns,
-    is_bdf,
-    require_bdf_columns,
-)
+from ohmward.logs.columns import BDF_NAMES, UnclearColumnsError, find_columns, has_bdf_columns, is_bdf
 from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
@@ -199,7 +192,6 @@ def read_log(
     file = opened.part("battery", where)
     file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
     file = with_joined_time(with_sample_time(file))
-    require_bdf_columns(file.source, file.names)
     try:
         chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})}, file.head)
     except UnclearColumnsError as error:

@@ -13,8 +13,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.frame import plain_array
-from ohmward.logs.hints import FileHints
-from ohmward.logs.table import HEAD_BYTES, Table, TableFile, file_of, row_numbers
+from ohmward.logs.hints import HEAD_BYTES, FileHints
+from ohmward.logs.table import Table, TableFile, file_of, row_numbers
 
 #: Beginning of a file of JSON.
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")

@@ -26,24 +26,13 @@ from ohmward.logs.clock import date_column, read_clock
 from ohmward.logs.columns import Column, fraction_column, listed, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.frame import is_frame, open_frame, open_parquet
-from ohmward.logs.hints import TOPIC, FileHints
+from ohmward.logs.hints import HEAD_BYTES, TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.selection import RECORDING, SeveralRecordingsError
 from ohmward.logs.sqlite_file import MAGIC as SQLITE_MAGIC
 from ohmward.logs.sqlite_file import open_sqlite_table
-from ohmward.logs.table import (
-    HEAD_BYTES,
-    LOG_ENDINGS,
-    Note,
-    Opener,
-    Progress,
-    Table,
-    TableFile,
-    counted,
-    in_order,
-    row_numbers,
-)
+from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
 from ohmward.logs.vehicle_file import is_telemetry, open_telemetry
 from ohmward.logs.workbook_file import open_workbook
 

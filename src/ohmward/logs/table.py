@@ -48,8 +48,6 @@ LOG_ENDINGS = (
     *(".jsonl", ".ndjson", ".json", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
 )
 RECORDING_ENDINGS = (".mcap", ".db3", ".bag")
-#: First bytes by which a format is recognised: enough for HDF5 after a user block, and the beginning of JSON.
-HEAD_BYTES = 4096
 
 
 class Table(NamedTuple):
