@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
+from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
 from ohmward.report import Band, Series, Span, WallClock
@@ -25,13 +26,8 @@ MOST_SPANS = 300
 _WIDEST_LOGARITHM = 10.0
 
 
-class Timed(Protocol):
-    """A log, or a run over one."""
-
-    @property
-    def time_s(self) -> np.ndarray:
-        """(T,) time of its samples."""
-        ...
+#: What has the times (T,) of its samples: a log, or a run over one.
+Timed = Log | Run[Any]
 
 
 def wall_clock(log: Log | DriveLog) -> WallClock | None:

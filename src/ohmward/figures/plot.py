@@ -73,7 +73,7 @@ def _plot(result: Any) -> Plot | Map:
             cells = [battery.cells_soc_figure(result), battery.cells_difference_figure(result)]
             return Plot("Cells of the pack", cells)
         case SlipRun():
-            return Plot("Speed and slip", slip.run_figures(result))
+            return Plot("Speed and slip", [slip.speed_figure(result), *slip.ground_figures(result)])
         case FloorRun():
             return Plot("Slip on floors", slip.floor_plots(result))
         case OdometryRun():

@@ -33,11 +33,6 @@ FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
 }
 
 
-def run_figures(run: SlipRun) -> list[Figure]:
-    """Speed of a run, slip of each driven wheel, and the ground where it is estimated."""
-    return [speed_figure(run), *ground_figures(run)]
-
-
 def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.ndarray | None = None) -> list[Figure]:
     """Slip of each driven wheel, and friction and grade where they are estimated.
 

@@ -102,7 +102,8 @@ class AlarmWatch:
         if self._current_A > 0.0:  # it charges
             low = home = math.inf
         if limits.charge:
-            found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, _not_known(state)
+            text = f"The charge is not known: {stale(state)}." if state.is_silent("battery") else NOT_KNOWN
+            found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, text
             if self._current_A > 0.0 and not state.is_silent("battery"):
                 found["charge"] = -math.inf, hysteresis, ""
         found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
@@ -132,10 +133,6 @@ def _low(state: RobotState) -> float:
     """Low end of the band of the charge; nan if there is none or it is too wide to be of use."""
     width = width_of_charge(state)
     return soc_band(state.battery.soc, state.battery.soc_std)[0] if state.battery and width <= ANYTHING else math.nan
-
-
-def _not_known(state: RobotState) -> str:
-    return f"The charge is not known: {stale(state)}." if state.is_silent("battery") else NOT_KNOWN
 
 
 def _stuck(state: RobotState) -> str:

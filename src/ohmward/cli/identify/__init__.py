@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import (
-    CHEMISTRY,
-    add_initial_soc_option,
-    add_log_options,
-    add_output_options,
-    add_sensor_options,
-)
+from ohmward.cli import options
 from ohmward.cli.parser import count, number, positive
 
 EXAMPLES = """\
@@ -28,8 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="pulse tests, low-rate tests, drives of one battery")
     _add_battery_options(parser.add_argument_group("the battery"))
-    add_log_options(parser)
-    add_output_options(parser)
+    options.add_log_options(parser)
+    options.add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the battery file")
 
 
@@ -44,10 +38,10 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         help="thevenin, its number of RC pairs chosen by evidence, or thevenin-0rc to thevenin-3rc, or rc (default "
         "%(default)s)",
     )
-    group.add_argument("--chemistry", default="", metavar="NAME", help=CHEMISTRY)
+    group.add_argument("--chemistry", default="", metavar="NAME", help=options.CHEMISTRY)
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
-    add_initial_soc_option(group, "they do not show it")
+    options.add_initial_soc_option(group, "they do not show it")
     group.add_argument(
         "--ocv",
         metavar="FILE",
@@ -61,4 +55,4 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         help="what flows at every rest, <= 0: 0 in a laboratory, -0.7 on a robot that draws 0.7 A; goes into the "
         "battery file, and then each rest shows the current sensor's offset (default: not declared)",
     )
-    add_sensor_options(group, "2.5 %% of 1 C", "1 %%")
+    options.add_sensor_options(group, "2.5 %% of 1 C", "1 %%")

@@ -9,21 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward import energy
 from ohmward.battery.battery import Battery
 from ohmward.cli.battery_inputs import load_with_sensor, of_kinds, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
-from ohmward.energy import (
-    Consumption,
-    MissionForecast,
-    load_consumption,
-    prior_from_mass,
-    prior_from_robot,
-    save_consumption,
-    start,
-)
 from ohmward.energy.drive_record import RecordFigures, record_figures, terrain_figures
 from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, analyse, load_plan
 from ohmward.energy.points import Quantiles
@@ -88,7 +80,7 @@ def run(args: argparse.Namespace) -> Outcome:
             battery, before, log, drive=drive, robot=robot, ground=ground, plan=plan, settings=settings, progress=tick
         )
     if args.output:
-        save_consumption(result.consumption, args.output)
+        energy.save_consumption(result.consumption, args.output)
     notes = [origin, *warnings, *map(str, result.notes)]
     figures = summary(result, robot, notes) | {"output": args.output, "report": args.report}
     return Outcome(figures, describe(figures), notes, partial(make_page, result, figures))
@@ -112,14 +104,14 @@ def check(args: argparse.Namespace) -> None:
         raise InputError(f"--payload-kg must be >= 0, got {args.payload_kg:g}")
 
 
-def earlier_consumption(path: str | None, mass_kg: float, robot: Robot | None) -> tuple[Consumption, str]:
+def earlier_consumption(path: str | None, mass_kg: float, robot: Robot | None) -> tuple[energy.Consumption, str]:
     """Prior consumption and its origin: a file, else the robot, else a mass."""
     if path:
-        c = load_consumption(path)
+        c = energy.load_consumption(path)
         return c, f"info: consumption from {path}: {', '.join(c.terrains) or 'no terrain yet'}"
-    if robot:
-        return start(prior_from_robot(robot)), f"info: consumption expected from the data of {robot.name!r}: broad"
-    return start(prior_from_mass(mass_kg)), f"info: consumption expected from a mass of {mass_kg:g} kg: broad"
+    prior = energy.prior_from_robot(robot) if robot else energy.prior_from_mass(mass_kg)
+    source = f"the data of {robot.name!r}" if robot else f"a mass of {mass_kg:g} kg"
+    return energy.start(prior), f"info: consumption expected from {source}: broad"
 
 
 class MissionReader(NamedTuple):
@@ -207,7 +199,7 @@ def summary(result: MissionResult, robot: Robot | None, notes: Sequence[str]) ->
     }
 
 
-def plan_summary(forecast: MissionForecast) -> dict[str, Any]:
+def plan_summary(forecast: energy.MissionForecast) -> dict[str, Any]:
     """The object `plan` of --json."""
     last = forecast.milestones[-1]
     return {

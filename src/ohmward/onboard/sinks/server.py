@@ -87,8 +87,7 @@ def lines(rows: Sequence[Row], robot: str) -> str:
 def write_lines(url: str, text: str, token: str = "") -> None:
     """Write lines to a server; a line written again replaces the earlier one.
 
-    url: of its write API, `http://HOST:8086/write?db=NAME` (InfluxDB 1, VictoriaMetrics) or
-        `http://HOST:8086/api/v2/write?org=ORG&bucket=NAME`.
+    url: of its write API, see `InfluxSink`.
 
     Raises:
         OhmwardError: it cannot be reached or refuses.
@@ -146,7 +145,7 @@ _TABLES = "; ".join(
 def write_rows(rows: Sequence[Row], robot: str, address: str, password: str = "") -> None:
     """Write rows in one transaction; a row written again changes nothing.
 
-    address: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`.
+    address: see `PostgresqlSink`.
 
     Raises:
         OhmwardError: the server cannot be reached or refuses.
