@@ -339,6 +339,24 @@ def test_an_outside_speed_that_fell_silent_takes_no_way_back():
     assert heard == Overrun(0.1, 0.0, pytest.approx(0.1 * (math.exp(-0.2 / OVERRUN_S) + 0.1 * 0.2)), 0.4)
 
 
+def test_slides_are_not_learnt_as_noise_of_the_outside_speed():
+    """All rims spin by 0.4 m/s for four of ten seconds; outside speeds at 1 Hz show the later spins too."""
+    time_s = DT_S * np.arange(4000)
+    phase = np.mod(time_s, 10.0)
+    spins = 0.4 * np.clip(np.minimum(phase - 5.0, 9.0 - phase) / 0.1, 0.0, 1.0)
+    rolls = np.full(4000, 0.6)
+    slides = (phase > 7.3) & (phase < 8.9) & (time_s > 30.0)
+    named = []
+    for seed in range(4):
+        noise = 0.07 * np.random.default_rng(seed).standard_normal(4000)
+        outside = np.where(np.arange(4000) % 50 == 10, rolls + noise, math.nan)
+        given = {"wheel_speed_rad_s": rims(rolls + spins, rolls + spins), "yaw_rate_rad_s": np.zeros(4000)}
+        given |= {"speed_m_s": outside, "speed_std_m_s": np.full(4000, 0.07)}
+        e, _ = run(FILTER, samples(FILTER, **given))
+        named.append(np.mean(e.slip_probability[slides] > 0.5))
+    assert np.mean(named) > 0.85
+
+
 def test_an_alarm_ends_when_the_rims_have_come_back():
     """Rims that spun by 0.5 m/s for four seconds, which outside speeds show at 1 Hz, until half a second before one."""
     time_s = DT_S * np.arange(800)
