@@ -304,10 +304,12 @@ def show(
     was_held = now.held.probability > IS_HELD
     rim_m_s = where(free, free_motion(now, robot)[0], speed.forward_m_s)
     rims = remember(now.rims, dt_s, rim_m_s - now.rim_m_s)
-    learns = logical_not(was_held | (now.held.slides > IS_HELD))
+    # Errors beyond the standard deviation that a source gives are slides; one that gives none may just be noisy.
+    given = isfinite(clean.speed_std_m_s)
+    learns = logical_not(was_held | given & (now.held.slides > IS_HELD))
     outside, y = receive(now.outside, rim_m_s, clean, learns, noise.speed_std_m_s, rims)
     changed_m_s = abs((modes.forward_m_s - now.modes.forward_m_s).mean())
-    by_white = y._replace(std_m_s=y.white_std_m_s)  # lasting errors are slides here, not noise
+    by_white = y._replace(std_m_s=where(given, y.white_std_m_s, y.std_m_s))
     held = weigh_held(now.held, by_white, speed.forward_m_s, dt_s, changed_m_s)
     is_held = (held.probability > IS_HELD) & logical_not(observed | free)
     rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
