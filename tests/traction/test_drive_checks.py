@@ -314,6 +314,16 @@ def test_a_mirrored_side_is_named_without_a_gyro(side):
     assert any("on the spot: the encoders of one side are mounted mirrored" in text for text in texts(RLMA, mirrored))
 
 
+def test_so_it_is_if_the_robot_turns_on_the_spot_in_a_fifth_of_the_time():
+    spot = TIME % 10.0 < 2.0
+    motion = np.column_stack([np.where(spot, 0.0, 0.8), np.where(spot, 0.8, 0.3 * np.sin(TIME))])
+    wheels = motion @ RLMA.rolling.T / RLMA.wheel.radius_m
+    nothing = np.full((TIME.size, 2), np.nan)
+    assert texts(RLMA, DriveLog("drive", TIME, wheels, nothing)) == []
+    (text,) = texts(RLMA, DriveLog("mirrored", TIME, wheels * [1.0, -1.0, 1.0, -1.0], nothing))
+    assert "the encoders of one side are mounted mirrored" in text
+
+
 def test_two_wheels_and_a_caster_without_an_encoder_have_sides_too():
     robot = generic_robot(20.0, 0.08, 0.4)
     yaw = 0.8 * np.sin(0.7 * TIME)

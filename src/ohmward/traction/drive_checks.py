@@ -36,7 +36,7 @@ WORKS_A = 1.0
 #: Speeds have lost their sign where the wheels contradict the gyro by this share of its motion (in squares).
 CONTRADICTION = 0.1
 
-#: One side is mirrored if the sides turn against each other in this share of the samples, for this many turns.
+#: One side is mirrored if the sides turn against each other in this share of their motion, for this many turns.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
 #: A robot that spins on the spot turns its sides equally fast; one with a mirrored side drives curves too, in which the
 #: speeds of the sides differ by more than this share of their sum in that share of the samples.
@@ -249,14 +249,16 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
         known = np.isfinite(log.wheel_speed_rad_s)
         by_side = [np.where(known[:, sides == side], log.wheel_speed_rad_s[:, sides == side], 0.0) for side in (1, -1)]
     left, right = (values.sum(axis=1) for values in by_side)
+    motion = np.abs(left) + np.abs(right)
     turn = np.minimum(np.abs(left), np.abs(right)) > WHEEL_TURNS_RAD_S
-    if turn.sum() < FEWEST_VALUES or np.mean(left[turn] * right[turn] < 0) < SPINS_SHARE:
+    against = turn & (left * right < 0)
+    if turn.sum() < FEWEST_VALUES or motion[against].sum() < SPINS_SHARE * motion[turn].sum():
         return
     yaw = np.nan_to_num(yaw_rate_of_wheels(robot, log.wheel_speed_rad_s))
     turns = float(np.abs(yaw) @ np.diff(log.time_s, prepend=log.time_s[0])) / (2 * math.pi)
     if turns < FEWEST_SPINS:
         return
-    unlike = np.abs(np.abs(left) - np.abs(right))[turn] > UNLIKE * (np.abs(left) + np.abs(right))[turn]
+    unlike = np.abs(np.abs(left) - np.abs(right))[turn] > UNLIKE * motion[turn]
     cause = ": the" if unlike.mean() > UNLIKE_SHARE else "; if it did not, the"
     yield (
         f"the wheels of both sides turn against each other nearly always, as if the robot turned {turns:.0f} times on "
