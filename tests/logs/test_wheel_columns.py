@@ -91,6 +91,11 @@ def test_numbers_count_from_one_or_from_zero():
     assert find_drive_columns("f", ["t", "m1vel"], OMNI).by_number
 
 
+def test_more_numbers_than_wheels_name_none_of_them():
+    with pytest.raises(InputError, match="no column for the speed of a wheel"):
+        find_drive_columns("f", ["t", *(f"w{k}" for k in range(1, 9))], ALL)
+
+
 @pytest.mark.parametrize(
     "quantity, name",
     [

@@ -187,9 +187,14 @@ def _by_corner(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> li
 
 
 def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> list[Column]:
-    """The columns of a wheel in the robot's order, counted from 0 or 1; two numbers for four driven ones are sides."""
+    """The columns of a wheel in the robot's order, counted from 0 or 1; two numbers for four driven ones are sides.
+
+    More numbers than wheels do not say which wheel is where: then there are none.
+    """
     numbered = [c for c in candidates if c.number is not None and not c.corner]
     numbers = {c.number for c in numbered}
+    if len(numbers) > len(wheels.places):
+        return []
     sides = len(numbers) == 2 and wheels.driven == 4
     index = int("left" not in place) if sides else list(wheels.places).index(place)
     first = 0 if 0 in numbers else 1
