@@ -76,7 +76,7 @@ def test_a_counter_that_rolls_over_within_a_turn_is_not_added_up(tmp_path):
     counts = np.mod(np.floor(40.0 * ANGLE), 256)
     write_table({"time_s": T, "left_ticks": counts, "right_ticks": counts}, tmp_path / "drive.csv")
     log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=4096)
-    assert not any("since the row before" in note.text for note in log.notes)
+    assert not any("counts since the previous row" in note.text for note in log.notes)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("rpm", 30 / np.pi), ("rad_s", 1.0)])

@@ -339,7 +339,7 @@ def wheel_speed(
         return speed_rad_s / gear_ratio, (Note(text, "warning"),)
     speed_rad_s, rolled = speed_from_counts(values, time_s, mechanics.counts_per_turn)
     notes: tuple[Note, ...] = (Note(f"{name!r}: {rolled}"),) if rolled else ()
-    if _hardly_turn(values, mechanics.counts_per_turn):
+    if not rolled and _hardly_turn(values, mechanics.counts_per_turn):
         text = f"{name!r} stays within {np.nanmax(np.abs(values)) / mechanics.counts_per_turn:.2g} turns of zero"
         notes += (Note(f"{text}: if these are counts since the previous row, add them up in the file", "warning"),)
     return speed_rad_s / gear_ratio, notes
