@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from ohmward.filters.belief import unpack
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import CONTRADICTS_S, FIRST_INTERVAL_S, LOST, STOPPED_AFTER_S
+from ohmward.traction.odometry.model import TURN_SCALE
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
 from traction.odometry.examples import DT_S, TRACK_M, drive, integrate, samples, scan
@@ -63,6 +65,17 @@ def test_an_encoder_that_repeats_itself_while_the_other_moves_has_stopped(change
     assert TIME_S[np.argmax(flagged(e))] == pytest.approx(due_s, abs=2.0 * DT_S)
     assert flagged(e)[round((due_s + 0.1) / DT_S) :].all()
     assert np.abs(e.speed_m_s - 0.5)[TIME_S > 12.5].max() < 0.03
+
+
+def test_an_encoder_that_has_stopped_leaves_no_scale_of_the_turn():
+    """Until that is known its turn counts, of which the gyro sees nothing."""
+    given, _ = winding(lambda speed: speed[FAILS][0])
+    end, _ = scan(SETTINGS, given)
+    belief = unpack(end.belief)
+    assert belief.mean[TURN_SCALE] == 0.0
+    assert belief.cov[TURN_SCALE, TURN_SCALE] == pytest.approx(
+        SETTINGS.noise.turn_scale_std**2 + SETTINGS.noise.gyro_scale_std**2
+    )
 
 
 def test_an_encoder_that_stopped_at_rest_has_stopped_once_the_gyro_turns_against_the_wheels():

@@ -265,6 +265,12 @@ class EncoderWatch(NamedTuple):
     contradicts_s: np.ndarray  #: time for which it has repeated zero and contradicted the other wheels or the gyro
     silent_s: np.ndarray  #: time since its last value, or since it stopped
 
+    @property
+    def stopped(self) -> np.ndarray:
+        """Conditions (wheels,) that an encoder has stopped."""
+        times = zip(self.repeated_s, self.contradicts_s, strict=True)
+        return np.array([(again_s > STOPPED_AFTER_S) | (zero_s > CONTRADICTS_S) for again_s, zero_s in times])
+
 
 def watch_encoders(robot: Robot) -> EncoderWatch:
     """The watch before the first sample."""
@@ -329,10 +335,8 @@ def hold_still(clean: CleanSample, rest_s: Scalar, hold_s: float) -> CleanSample
     )
 
 
-def without_stopped(
-    clean: CleanSample, before: EncoderWatch, robot: Robot
-) -> tuple[CleanSample, EncoderWatch, np.ndarray]:
-    """The sample without stopped encoders, the watch after it, and the conditions (wheels,) that they have stopped."""
+def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> tuple[CleanSample, EncoderWatch]:
+    """The sample without encoders that have stopped, and the watch after it."""
     wheels = list(zip(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s, strict=True))
     moved = [good & (speed != last) for good, speed, last in wheels]
     repeats = [good & logical_not(speed != last) & (last != 0.0) for good, speed, last in wheels]
@@ -352,15 +356,11 @@ def without_stopped(
         where(moves | logical_not(stands), 0.0, t + where(against, clean.dt_s, falling * passed_s))
         for moves, stands, falling, t in zip(moved, stood, fell, before.contradicts_s, strict=True)
     ])  # fmt: skip
-    stopped = np.array([
-        (again_s > STOPPED_AFTER_S) | (zero_s > CONTRADICTS_S)
-        for again_s, zero_s in zip(repeated_s, contradicts_s, strict=True)
-    ])  # fmt: skip
     last_rad_s = where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s)
-    measured = clean.wheel_measured & logical_not(stopped)
+    watch = EncoderWatch(last_rad_s, repeated_s, fell, contradicts_s, before.silent_s)
+    measured = clean.wheel_measured & logical_not(watch.stopped)
     silent_s = where(measured, 0.0, before.silent_s + clean.dt_s)
-    watch = EncoderWatch(last_rad_s, repeated_s, fell, contradicts_s, silent_s)
-    return clean._replace(wheel_measured=measured), watch, stopped
+    return clean._replace(wheel_measured=measured), watch._replace(silent_s=silent_s)
 
 
 def turns_against(clean: CleanSample, robot: Robot) -> Scalar:

@@ -171,9 +171,10 @@ class PoseFilter:
         clean = sanitize(sample.robot, self.gap_s)
         watch = watch_gyro(state.watch, clean, self.robot)
         clean = without_stuck_gyro(clean, watch)
-        clean, encoders, _ = without_stopped(clean, state.encoders, self.robot)
+        clean, encoders = without_stopped(clean, state.encoders, self.robot)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
+        before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         sensors, jump = sense(state.motion, clean, silent, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
@@ -328,6 +329,16 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def newly(now: np.ndarray, before: np.ndarray) -> Scalar:
+    """The condition that one of some conditions has begun to hold."""
+    return some([holds_now & logical_not(held) for holds_now, held in zip(now, before, strict=True)])
+
+
+def with_first_scale(belief: Belief, noise: OdometryNoise) -> Belief:
+    """The belief with the scale of the wheels' turn as at the start: one that has stopped has spoilt it."""
+    return forget(belief, TURN_SCALE, noise.turn_scale_std**2 + noise.gyro_scale_std**2)
 
 
 def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:

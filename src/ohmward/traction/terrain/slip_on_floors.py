@@ -241,7 +241,7 @@ class SlipOnFloors:
         """State and estimate after a sample."""
         robot = self.wheels.robot
         seen_now = sanitize(sample, GAP_S)
-        clean, watch, stopped = without_stopped(seen_now, state.encoders, robot)
+        clean, watch = without_stopped(seen_now, state.encoders, robot)
         wheels, belief = self.wheels.step(state.wheels, clean)
         noise_N, belief = belief.force_std_N, with_friction(robot, belief)
         slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
@@ -271,7 +271,7 @@ class SlipOnFloors:
                 FloorFlag.GAP: clean.gap,
                 FloorFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
                 FloorFlag.NO_ENCODER: logical_not(every(seen_now.wheel_measured[: robot.driven])),
-                FloorFlag.ENCODER_STOPPED: some(stopped),
+                FloorFlag.ENCODER_STOPPED: some(watch.stopped),
                 FloorFlag.MOTION_UNKNOWN: logical_not(moving),
                 FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
             }),
