@@ -207,7 +207,8 @@ class PoseFilter:
         overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
         suspected = watch.suspected & logical_not(watch.stuck)
         missed_rad = where(suspected, missed_turn(body.belief.mean, watch, state.changed_yaw_rad), 0.0)
-        missed = missed_variance(missed_rad, watch)
+        missed = missed_variance(missed_rad, watch.rims_m)
+        missed = missed + where(watch.mirrored, missed_variance(watch.most_rad, watch.mirrored_m), 0.0)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
         estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, distance_m, second_order_m)
         no_encoder = some_silent(encoders, sensors, self.robot)
@@ -265,7 +266,7 @@ class PoseFilter:
         distance_m: Scalar,
         second_order_m: np.ndarray,
     ) -> OdometryEstimate:
-        """The estimate still without flags; missed: `missed_variance` of a gyro that may be stuck."""
+        """The estimate still without flags; missed: `missed_variance` of a gyro that may be stuck or is mirrored."""
         x, P = belief
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
@@ -356,9 +357,9 @@ def missed_turn(x: np.ndarray, watch: GyroWatch, yaw_rad: Scalar) -> Scalar:
     return yaw_rad + watch.wheels_rad * (1.0 + x[TURN_SCALE]) - x[YAW]
 
 
-def missed_variance(missed_rad: Scalar, watch: GyroWatch) -> np.ndarray:
+def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
     """Variance (3,) of the pose by a turn that was missed in some part of the way."""
-    across_m = watch.rims_m * minimum(abs(missed_rad), 1.0)
+    across_m = way_m * minimum(abs(missed_rad), 1.0)
     return np.array([across_m**2, across_m**2, missed_rad**2])
 
 
@@ -369,7 +370,7 @@ def with_missed_turn(belief: Belief, watch: GyroWatch, found: Scalar, yaw_rad: S
     yaw_rad: yaw at that change.
     """
     missed_rad = missed_turn(belief.mean, watch, yaw_rad)
-    across_variance = missed_variance(missed_rad, watch)[0]
+    across_variance = missed_variance(missed_rad, watch.rims_m)[0]
     added = {X: across_variance, Y: across_variance, YAW: (noise.turn_share * watch.wheels_rad) ** 2}
     Q = np.diag(np.array([added.get(i, 0.0) for i in range(len(NAMES))]))
 
