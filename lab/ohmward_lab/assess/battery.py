@@ -180,17 +180,7 @@ def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> Shifts:
 
 def in_state(battery: SimulatedBattery, truth: TrueBattery) -> SimulatedBattery:
     """The battery with another capacity and resistance than when it was tested."""
-    circuit, k = battery.circuit, truth.resistance_ratio
-    return replace(
-        battery,
-        circuit=replace(
-            circuit,
-            capacity_Ah=truth.capacity_ratio * circuit.capacity_Ah,
-            r0_discharge_ohm=tuple(k * r for r in circuit.r0_discharge_ohm),
-            r0_charge_ohm=tuple(k * r for r in circuit.r0_charge_ohm),
-            r_ohm=tuple(tuple(k * r for r in row) for row in circuit.r_ohm),
-        ),
-    )
+    return replace(battery, circuit=battery.circuit.worn(truth.capacity_ratio, truth.resistance_ratio))
 
 
 def _load_A(rng: np.random.Generator, battery: SimulatedBattery, time_s: np.ndarray) -> np.ndarray:

@@ -176,19 +176,11 @@ def nca_18650() -> SimulatedBattery:
 
 def scaled(name: str, battery: SimulatedBattery, factor: float, n_series: int = 1) -> SimulatedBattery:
     """A battery of `factor` times the capacity, and `n_series` of it in series: the same cells, larger and more."""
-    circuit = battery.circuit
-    parallel = replace(
-        circuit,
-        capacity_Ah=factor * circuit.capacity_Ah,
-        r0_discharge_ohm=tuple(r / factor for r in circuit.r0_discharge_ohm),
-        r0_charge_ohm=tuple(r / factor for r in circuit.r0_charge_ohm),
-        r_ohm=tuple(tuple(r / factor for r in row) for row in circuit.r_ohm),
-    )
     return replace(
         battery,
         name=name,
         n_series=n_series * battery.n_series,
-        circuit=parallel.in_series(n_series),
+        circuit=battery.circuit.in_parallel(factor).in_series(n_series),
         transfer_V=n_series * battery.transfer_V,
         exchange_A=factor * battery.exchange_A,
         voltage_min_V=n_series * battery.voltage_min_V,

@@ -128,15 +128,8 @@ def battery_from_bpx(
     _check_chemistry(source, chemistry_name(chemistry), one.ocv.voltage_V)
     generic = generic_battery(chemistry, capacity_Ah or cell_Ah, n_series, label or source.title)
     strings = generic.capacity_Ah / cell_Ah
-    r0_ohm = tuple(r / strings for r in one.r0_discharge_ohm)
-    model = replace(
-        one,
-        capacity_Ah=generic.capacity_Ah,
-        r0_discharge_ohm=r0_ohm,
-        r0_charge_ohm=r0_ohm,
-        r_ohm=tuple(tuple(r / strings for r in row) for row in one.r_ohm),
-        ocv_slip=generic.thevenin.ocv_slip,
-    ).in_series(n_series)
+    pack = replace(one.in_parallel(strings), capacity_Ah=generic.capacity_Ah, ocv_slip=generic.thevenin.ocv_slip)
+    model = pack.in_series(n_series)
     curve_V = model.ocv.voltage_V
     return replace(
         generic,

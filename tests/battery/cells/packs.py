@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -42,17 +41,7 @@ def day(hours: float = 6.0, dt_s: float = 10.0, seed: int = 0, capacity_Ah: floa
 
 def aged(model: Thevenin, cell: Cell) -> Thevenin:
     """The circuit of a cell."""
-
-    def times(row: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(cell.resistance * r for r in row)
-
-    return replace(
-        model,
-        capacity_Ah=cell.capacity * model.capacity_Ah,
-        r0_discharge_ohm=times(model.r0_discharge_ohm),
-        r0_charge_ohm=times(model.r0_charge_ohm),
-        r_ohm=tuple(times(row) for row in model.r_ohm),
-    )
+    return model.worn(cell.capacity, cell.resistance)
 
 
 def truths(cells: tuple[Cell, ...], current_A: np.ndarray, model: Thevenin = NMC, dt_s: float = 10.0) -> list[Truth]:

@@ -31,17 +31,6 @@ def day(model: Thevenin, seed: int, name: str = "") -> Log:
     return replace(log, voltage_V=voltage_V, current_A=current_A + 0.02 * rng.standard_normal(time_s.size))
 
 
-def worn(model: Thevenin, capacity: float, resistance: float) -> Thevenin:
-    """The model with these shares of its capacity and resistance."""
-    return replace(
-        model,
-        capacity_Ah=capacity * model.capacity_Ah,
-        r0_discharge_ohm=tuple(resistance * r for r in model.r0_discharge_ohm),
-        r0_charge_ohm=tuple(resistance * r for r in model.r0_charge_ohm),
-        r_ohm=tuple(tuple(resistance * r for r in row) for row in model.r_ohm),
-    )
-
-
 def pulse_ohm(model: Thevenin) -> float:
     """Resistance to ten seconds of current; the resistances of the example are the same at every SoC."""
     pairs = zip(model.r_ohm, model.tau_s, strict=True)
@@ -63,7 +52,7 @@ def test_a_third_day_of_the_same_battery_is_learnt(taught):
 
 
 def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):
-    learnt = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3)])
+    learnt = learn(taught, [day(MODEL.worn(0.75, 1.7), 3)])
     (update,) = learnt.updates
     assert update.verdict == "set aside"
     assert update.reason.startswith("this is not the battery of the file: its ")
@@ -73,12 +62,12 @@ def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):
 
 def test_a_swap_is_noticed_by_a_file_that_many_days_have_confirmed(taught):
     days = [day(MODEL, k) for k in range(3, 9)]
-    updates = learn(taught, [*days, day(worn(MODEL, 0.85, 1.35), 99)]).updates
+    updates = learn(taught, [*days, day(MODEL.worn(0.85, 1.35), 99)]).updates
     assert [update.verdict for update in updates] == [*["learnt"] * 6, "set aside"]
 
 
 def test_the_day_after_a_swap_back_is_learnt(taught):
-    updates = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).updates
+    updates = learn(taught, [day(MODEL.worn(0.75, 1.7), 3), day(MODEL, 4)]).updates
     assert [update.verdict for update in updates] == ["set aside", "learnt"]
 
 
@@ -113,7 +102,7 @@ def test_a_battery_of_twice_the_label_is_refused():
 
 
 def test_an_aged_battery_may_still_have_its_label():
-    learnt = learn(generic_battery("nmc", 12.0, 3), [day(worn(MODEL, 0.78, 1.6), k) for k in (1, 2)])
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL.worn(0.78, 1.6), k) for k in (1, 2)])
     assert [update.verdict for update in learnt.updates] == ["learnt", "learnt"]
     mean, std = learnt.updates[-1].capacity_Ah
     assert mean == pytest.approx(0.78 * 12.0, abs=2.5 * std)

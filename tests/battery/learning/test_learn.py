@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.learning.test_another_battery import day, worn
+from battery.learning.test_another_battery import day
 from cli.examples import MODEL
 from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import generic_battery
@@ -121,7 +121,7 @@ def test_moments_of_a_normal_density_are_its_own():
 
 
 def test_a_smaller_capacity_is_found_and_covered():
-    older = worn(MODEL, 0.85, 1.3)
+    older = MODEL.worn(0.85, 1.3)
     tested = replace(TESTED, noise=replace(TESTED.noise, resistance_std=0.3, ocv_slip_std=0.0))
     tested = replace(tested, thevenin=replace(MODEL, ocv_slip=0.0))
     learnt = learn(tested, [day(older, 1), day(older, 2)])
@@ -132,7 +132,7 @@ def test_a_smaller_capacity_is_found_and_covered():
 
 
 def test_a_log_whose_capacity_has_two_hills_says_nothing_of_it(monkeypatch):
-    logs = [day(worn(MODEL, 0.85, 1.3), 1)]
+    logs = [day(MODEL.worn(0.85, 1.3), 1)]
     assert learn(TESTED, logs).updates[0].own_capacity_Ah.std < 0.05 * 12.0
     monkeypatch.setattr("ohmward.battery.learning.solve.capacity_marginal", lambda *_: None)
     (update,) = learn(TESTED, logs).updates

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.learning.test_another_battery import day, worn
+from battery.learning.test_another_battery import day
 from battery.learning.test_learn import TESTED, problem
 from cli.examples import MODEL
 from ohmward.battery.learning import learn
@@ -46,7 +46,7 @@ def test_what_has_aged_is_within_one_standard_deviation_of_its_prior(part):
 
 
 def test_cycles_of_an_aged_cell_teach_its_capacity_and_its_resistance():
-    old = worn(MODEL, 0.8, 1.5)
+    old = MODEL.worn(0.8, 1.5)
     # its curve stays as it is along SoC: the electrodes have not slipped
     unslipped = replace(MODEL, ocv_slip=0.0)
     file = replace(TESTED, thevenin=unslipped, noise=replace(TESTED.noise, resistance_std=0.3))

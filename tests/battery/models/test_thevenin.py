@@ -240,6 +240,21 @@ def test_a_pack_is_its_cells(soc, current_A, temperature_degC, cells):
     assert voltage(y, u, pack)[0] == pytest.approx(cells * voltage(x, u, NMC)[0], rel=1e-12)
 
 
+def test_strings_in_parallel_share_the_current():
+    pack, u = NMC.in_parallel(3), CircuitInput(-1.5, 10.0)
+    x = next_state(np.array([0.6, 0.0, 0.0, 0.0]), u, NMC, 60.0)
+    shared = u._replace(current_A=3 * u.current_A)
+    assert next_state(np.array([0.6, 0.0, 0.0, 0.0]), shared, pack, 60.0) == pytest.approx(x, rel=1e-12)
+    assert voltage(x, shared, pack) == pytest.approx(voltage(x, u, NMC), rel=1e-12)
+
+
+def test_a_worn_circuit_has_the_state_of_health_that_it_is_worn_to():
+    worn, u, health = NMC.worn(0.8, 1.5), CircuitInput(-1.5, 10.0), StateOfHealth(0.8, 1.5)
+    x = next_state(np.array([0.6, 0.0, 0.0, 0.0]), u, NMC, 60.0, health)
+    assert next_state(np.array([0.6, 0.0, 0.0, 0.0]), u, worn, 60.0)[:-1] == pytest.approx(x[:-1], rel=1e-12)
+    assert voltage(x, u, worn) == pytest.approx(voltage(x, u, NMC, health), rel=1e-12)
+
+
 def test_derivatives_are_those_of_casadi():
     """An independent differentiation of the same equations, written out by hand."""
     p, i, dt_s = HYSTERETIC, -2.0, 5.0

@@ -241,12 +241,7 @@ def test_the_first_voltage_says_less_where_the_resistance_is_in_doubt():
 
 def test_five_cycles_show_capacity_and_resistance_of_an_aged_battery():
     """80 % of the capacity and 1.5 times the resistance, charged and discharged over nearly all of it, with rests."""
-
-    def times(row, factor=1.5):
-        return tuple(factor * r for r in row)
-
-    worn = replace(NMC, capacity_Ah=1.6, r0_discharge_ohm=times(NMC.r0_discharge_ohm))
-    worn = replace(worn, r0_charge_ohm=times(NMC.r0_charge_ohm), r_ohm=tuple(times(row) for row in NMC.r_ohm))
+    worn = NMC.worn(0.8, 1.5)
     cycle = np.concatenate([np.full(6400, -0.8), np.zeros(600), np.full(6400, 0.8), np.zeros(600)])
     truth = simulate(worn, np.tile(cycle, 5), 0.95)
     noise = BatteryNoise(capacity_std=0.1, resistance_std=0.3)

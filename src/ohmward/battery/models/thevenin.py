@@ -12,7 +12,7 @@ the R_j grow towards empty, where the last free sites of a layered oxide take li
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -199,19 +199,28 @@ class Thevenin:
         require_finite("cells in series", cells)
         if cells < 1:
             raise InputError(f"cells in series must be at least 1, got {cells}")
-
-        def times(row: tuple[float, ...]) -> tuple[float, ...]:
-            return tuple(cells * r for r in row)
-
         return replace(
-            self,
+            self._with_each_ohm(lambda ohm: cells * ohm),
             ocv=self.ocv.scaled(cells),
-            r0_discharge_ohm=times(self.r0_discharge_ohm),
-            r0_charge_ohm=times(self.r0_charge_ohm),
-            r_ohm=tuple(times(row) for row in self.r_ohm),
             gassing_V=None if self.gassing_V is None else cells * self.gassing_V,
             transfer_V=None if self.transfer_V is None else cells * self.transfer_V,
         )
+
+    def in_parallel(self, strings: float) -> Thevenin:
+        """The pack of `strings` equal strings in parallel: `strings` times the capacity, resistances over it."""
+        return replace(self._with_each_ohm(lambda ohm: ohm / strings), capacity_Ah=strings * self.capacity_Ah)
+
+    def worn(self, soh_capacity: float, resistance_ratio: float) -> Thevenin:
+        """The circuit with these multiples of its capacity and of all its resistances."""
+        ageing = self._with_each_ohm(lambda ohm: resistance_ratio * ohm)
+        return replace(ageing, capacity_Ah=soh_capacity * self.capacity_Ah)
+
+    def _with_each_ohm(self, change: Callable[[float], float]) -> Thevenin:
+        """The circuit with each of its resistances changed alike."""
+        r0_discharge, r0_charge, *pairs = (
+            tuple(map(change, row)) for row in (self.r0_discharge_ohm, self.r0_charge_ohm, *self.r_ohm)
+        )
+        return replace(self, r0_discharge_ohm=r0_discharge, r0_charge_ohm=r0_charge, r_ohm=tuple(pairs))
 
 
 #: SoC at which corrections of a resistance are given. Resistances rise towards empty, so their knots are closer there.
