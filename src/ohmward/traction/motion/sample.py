@@ -217,8 +217,8 @@ STOPPED_AFTER_S = 2.0
 #: a gyro and of the wheels that turn the robot against each other.
 CONTRADICTS_S, AGAINST_RAD_S = 1.0, 0.05
 
-#: Largest fall of a rim's speed, at once [m/s] and by braking [m/s2].
-FALLS_M_S, BRAKES_M_S2 = 0.05, 10.0
+#: Largest fall of the speed of a rim that grips, at once [m/s] and by braking [m/s2].
+FALLS_M_S, BRAKES_M_S2 = 0.05, 5.0
 
 
 class SensorStds(NamedTuple):

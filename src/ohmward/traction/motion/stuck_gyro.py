@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import between, every, some
+from ohmward.filters.sanitize import between, every
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, clip, exp, isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
@@ -137,8 +137,13 @@ def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch
 
 
 def without_stuck_gyro(clean: CleanSample, watch: GyroWatch) -> CleanSample:
-    """The sample without the yaw rate of a stuck or mirrored gyro; watch: after it."""
-    return clean._replace(yaw_rate_rad_s=where(some([watch.stuck, watch.mirrored]), np.nan, clean.yaw_rate_rad_s))
+    """The sample without the yaw rate of a stuck gyro; watch: after it."""
+    return clean._replace(yaw_rate_rad_s=where(watch.stuck, np.nan, clean.yaw_rate_rad_s))
+
+
+def without_mirrored_gyro(clean: CleanSample, watch: GyroWatch) -> CleanSample:
+    """The sample without the yaw rate of a mirrored gyro; watch: after it, of encoders that have not stopped."""
+    return clean._replace(yaw_rate_rad_s=where(watch.mirrored, np.nan, clean.yaw_rate_rad_s))
 
 
 def watch_log(robot: Robot, log: DriveLog) -> np.ndarray:

@@ -31,7 +31,12 @@ from ohmward.traction.motion.sample import (
     watch_encoders,
     without_stopped,
 )
-from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
+from ohmward.traction.motion.stuck_gyro import (
+    GyroWatch,
+    watch_gyro,
+    without_mirrored_gyro,
+    without_stuck_gyro,
+)
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
@@ -168,10 +173,9 @@ class PoseFilter:
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
-        clean = sanitize(sample.robot, self.gap_s)
+        clean, encoders = without_stopped(sanitize(sample.robot, self.gap_s), state.encoders, self.robot)
         watch = watch_gyro(state.watch, clean, self.robot)
-        clean = without_stuck_gyro(clean, watch)
-        clean, encoders = without_stopped(clean, state.encoders, self.robot)
+        clean = without_mirrored_gyro(without_stuck_gyro(clean, watch), watch)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
