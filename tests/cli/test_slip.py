@@ -8,7 +8,7 @@ import pytest
 
 from cli.drives import WHEELS, drive, write_drive
 from ohmward.cli.main import main
-from ohmward.cli.slip.command import _friction
+from ohmward.cli.slip.command import _friction, _turn
 from ohmward.logs import read_drive
 from ohmward.traction import RLMA, ROBOTINO, save_robot
 
@@ -164,3 +164,8 @@ def test_a_friction_that_the_drive_does_not_tell_has_no_number():
     assert _friction(0.83, 0.7) == "not known from this drive (within a factor of 3.9): no wheel pushed hard enough"
     assert _friction(0.83, 0.1) == "83.0 % (68.2 % to 101.0 %) of the ground's"
     assert _friction(None, math.nan) == ""
+
+
+def test_a_turn_that_can_be_any_has_no_number():
+    assert _turn(0.1, 0.01) == "turned by 5.7 ± 1.1 degrees"
+    assert _turn(4.2, 20.0) == "turn not known"

@@ -114,8 +114,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         f"{f['speed_min_m_s']:z.2f} to {f['speed_max_m_s']:z.2f} m/s",
         "speed at the end": f"{f['speed_final_m_s']:z.3f} ± {BAND_95 * f['speed_std_final_m_s']:.2g} m/s (95 %)",
         "pose at the end": f"{pose.x_m:z.2f} m forward, {pose.y_m:z.2f} m to the left "
-        f"± {BAND_95 * pose.position_std_m:.2g} m, turned by {_degrees(pose.yaw_rad, pose.yaw_std_rad, 'z.1f', '.2g')} "
-        "degrees (95 %)",
+        f"± {quantity(pose.position_std_m, 'm', BAND_95, 2)}, {_turn(pose.yaw_rad, pose.yaw_std_rad)} (95 %)",
         "offset of the gyro": gyro,
         "friction": _friction(f["friction_ratio"], f["friction_std"]),
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
@@ -135,6 +134,13 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
             "other floor met at": times or "-",
         }
     return {name: value for name, value in rows.items() if value}
+
+
+def _turn(yaw_rad: float, std_rad: float) -> str:
+    """The turn with its band; no number where it can be any."""
+    if BAND_95 * std_rad > math.pi:
+        return "turn not known"
+    return f"turned by {_degrees(yaw_rad, std_rad, 'z.1f', '.2g')} degrees"
 
 
 def _friction(ratio: float | None, relative_std: float) -> str:
