@@ -20,7 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, NO_SAMPLE, Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import Kernel
@@ -336,8 +336,7 @@ def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
         after, found = estimator.step(state, sample)
         return after, (found.soc, found.soc_std)
 
-    nothing = SocSample(0.0, math.nan, math.nan, math.nan)
-    return Kernel(step, estimator.init(nothing, 0.5), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
+    return Kernel(step, estimator.init(NO_SAMPLE, 0.5), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
 
 
 def figures(time_s: np.ndarray, error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float, float]:

@@ -461,8 +461,6 @@ class RcFilter:
             innovation_V=update.innovation_V,
             current_offset_A=belief.mean[OFFSET],
             current_offset_std_A=sqrt(belief.cov[OFFSET, OFFSET]),
-            soh_capacity=math.nan * belief.mean[BULK],
-            soh_capacity_std=math.nan * belief.mean[BULK],
             resistance_ratio=1.0 + belief.mean[RESISTANCE],
             resistance_ratio_std=sqrt(belief.cov[RESISTANCE, RESISTANCE]),
             flags=flags,

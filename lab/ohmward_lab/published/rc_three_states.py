@@ -86,8 +86,7 @@ class RcThreeStates:
         bulk_V, std_V = posterior.mean[0], np.sqrt(posterior.cov[0, 0])
         width = self.link.soc_beyond(bulk_V + std_V) - self.link.soc_beyond(bulk_V - std_V)
         soc = clip(self.link.soc_beyond(bulk_V), 0.0, 1.0)
-        unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
-        return unknown._replace(
+        return SocEstimate(
             soc=soc,
             soc_std=0.5 * width,
             voltage_V=expected_V,

@@ -254,6 +254,4 @@ class SchemeSoc:
     def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SocEstimate]:
         """State and estimate after a sample."""
         after, found = self.scheme.step(state, sample)
-        unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
-        soc_std = np.sqrt(maximum(found.soc_variance, 0.0))
-        return after, unknown._replace(soc=found.soc, soc_std=soc_std, flags=0.0)
+        return after, SocEstimate(found.soc, np.sqrt(maximum(found.soc_variance, 0.0)))

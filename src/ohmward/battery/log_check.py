@@ -11,21 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, sample_limits
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
-from ohmward.quantities import MOST_C
 from ohmward.runs import long_runs, window_starts
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
+from ohmward.signals.survey import running_median
 
 #: Share by which voltages lie outside the range of the tests behind a battery file: usual ones of another battery,
 OTHER_BATTERY = 0.2
@@ -183,13 +183,9 @@ def cell_error_V(
 
 def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     """Windows of the log without gaps, spread over it, of the samples with a credible current and voltage."""
-    model = battery.thevenin
-    current_A: Any = log.current_A
-    voltage_V: Any = log.voltage_V
-    credible = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
-    empty_V, full_V = model.ocv.voltage_V[0], model.ocv.voltage_V[-1]
-    credible &= np.asarray(is_voltage(voltage_V, empty_V, full_V))
-    credible &= log.voltage_V < full_V  # a charger holds its voltage above that, whatever the charge
+    limits = sample_limits(battery.thevenin)
+    credible = limits.is_current(log.current_A) & limits.is_voltage(log.voltage_V)
+    credible &= log.voltage_V < limits.highest_ocv_V  # a charger holds its voltage above, whatever the charge
     known = np.flatnonzero(credible)
     if known.size < _FEWEST_WINDOW_ROWS:
         return
@@ -201,15 +197,15 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]
     for k in chosen:
         at = known[edges[k] : edges[k + 1]]
-        yield Log(log.name, log.time_s[at], current_A[at], voltage_V[at])
+        yield Log(log.name, log.time_s[at], log.current_A[at], log.voltage_V[at])
 
 
 def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     """Means over the parts of a window; None where they are too few or no charge flows in it."""
-    mean_A = 0.5 * (window.current_A + np.concatenate([window.current_A[:1], window.current_A[:-1]]))
-    counted_Ah = np.cumsum(mean_A * np.diff(window.time_s, prepend=window.time_s[0])) / SECONDS_PER_HOUR
+    counted_Ah = window.charge_Ah()
     some = slice(None, None, max(len(window) // (_WINDOW_ROWS * _ROW_SAMPLES), 1))
-    time_s, current_A, voltage_V = window.time_s[some], window.current_A[some], _without_spikes(window.voltage_V[some])
+    time_s, current_A = window.time_s[some], window.current_A[some]
+    voltage_V = running_median(window.voltage_V[some], MEDIAN_OF)
     duration_s = float(time_s[-1] - time_s[0])
     if duration_s <= 0.0:
         return None
@@ -231,12 +227,6 @@ def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     overpotentials_V = _steady_ohm(battery) / battery.n_series * np.column_stack([current, slow])
     charge = means(counted_Ah[some]) / battery.capacity_Ah
     return _WindowMeans(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
-
-
-def _without_spikes(values: np.ndarray) -> np.ndarray:
-    """Running median of `MEDIAN_OF` samples (T,)."""
-    padded = np.pad(values, MEDIAN_OF // 2, mode="edge")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, MEDIAN_OF), axis=1)
 
 
 def _unexplained_V2(

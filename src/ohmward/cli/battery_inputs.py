@@ -22,6 +22,7 @@ from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
+from ohmward.filters.estimator import row_of
 from ohmward.fleet.reading import read_log_of
 from ohmward.logs import FileHints, Log
 from ohmward.logs.bags.bag_table import parts_of
@@ -115,7 +116,7 @@ class SocTask(NamedTuple):
         """A warning where the voltage of the start, in the row `begin`, contradicts the initial SoC."""
         if self.initial_soc is None:
             return []
-        first = SocSample(*(float(column[begin]) for column in samples))
+        first = row_of(samples, begin)
         state = make_estimator("ekf", self.battery).init(first, self.initial_soc, self.initial_soc_std)
         start = float(state.belief.mean[SOC])
         if abs(start - self.initial_soc) < 2 * self.initial_soc_std:

@@ -35,6 +35,7 @@ from ohmward.energy.sag import NO_SAG, sag_along
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
+from ohmward.filters.estimator import row_of
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
 from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC
@@ -222,7 +223,7 @@ def battery_at_end(
     """
     temperature_degC = _temperature_degC(plan, log)
     if estimates is not None:
-        now = soc_now(SocEstimate(*(column[-1] for column in estimates)), temperature_degC)
+        now = soc_now(row_of(estimates, -1), temperature_degC)
     elif settings.soc is not None:
         now = SocNow(settings.soc, settings.soc_std, temperature_degC=temperature_degC)
     else:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.soc.clean_sample import is_current, is_voltage
+from ohmward.battery.soc.clean_sample import sample_limits
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
 from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance
@@ -30,7 +30,7 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import LateSamples, clock_after
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
-from ohmward.quantities import FASTEST_M_S, MOST_C
+from ohmward.quantities import FASTEST_M_S
 
 #: Time [s] of the recent drive that the ground ahead is assumed to resemble.
 RECENT_S = 3600.0
@@ -155,9 +155,8 @@ class RangeSettings:
 
     def battery_W(self, current_A: float, voltage_V: float) -> float:
         """Power out of the battery; nan where current or voltage is not credible."""
-        credible_A = is_current(current_A, MOST_C * self.battery.capacity_Ah)
-        curve_V = self.battery.thevenin.ocv.voltage_V
-        credible = credible_A and is_voltage(voltage_V, curve_V[0], curve_V[-1])
+        limits = sample_limits(self.battery.thevenin)
+        credible = limits.is_current(current_A) and limits.is_voltage(voltage_V)
         return -current_A * voltage_V if credible else math.nan
 
     def speed_m_s(self, measured_m_s: float) -> float:

@@ -274,6 +274,17 @@ def rows_of(samples: Any) -> Iterator[Any]:
     return (type(samples)(*row) for row in zip(*columns, strict=True))
 
 
+def row_of(samples: Any, k: int) -> Any:
+    """Sample k of samples (T, ...), whose fields may be records themselves; plain numbers from fields (T,)."""
+
+    def of_field(values: Any) -> Any:
+        if isinstance(values, tuple):
+            return row_of(values, k)
+        return values[k].item() if values.ndim == 1 else values[k]
+
+    return type(samples)(*map(of_field, samples))
+
+
 def number(name: str, value: Any) -> float:
     """A measured value as a float; None, for a missing one, becomes nan.
 

@@ -7,7 +7,6 @@ samples without a measurement, and its estimates there are dropped.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, cast
@@ -15,8 +14,9 @@ from typing import Any, cast
 import numpy as np
 
 from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, declared_full_at, model_of, on_day, samples_of
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, NO_SAMPLE, Estimator, SocEstimate, SocSample
 from ohmward.battery.soc.voltage_faults import wrong_starts
+from ohmward.filters.estimator import row_of
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import pick_lanes, side_by_side
@@ -67,7 +67,7 @@ def _side_by_side(
     order = np.argsort([-len(log) for log in logs], kind="stable")
     lengths = np.array([len(logs[i]) for i in order])
     columns = SocSample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(SocSample._fields))))
-    firsts = [SocSample(*(float(column[0]) for column in samples[i])) for i in order]
+    firsts = [row_of(samples[i], 0) for i in order]
     on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
     states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
     kernel = _kernel(cast(Hashable, estimator), lowering)
@@ -92,7 +92,7 @@ def _of_lane(pieces: Sequence[np.ndarray], lane: int, length: int) -> np.ndarray
 @lru_cache(maxsize=4)
 def _kernel(estimator: Any, lowering: str | None) -> Kernel:
     """The step of an estimator, compiled once for all batches of a process."""
-    example = estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
+    example = estimator.init(NO_SAMPLE)
     return Kernel(estimator.step, example, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
 
 

@@ -12,7 +12,7 @@ from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.runs import long_runs
 from ohmward.signals.checks import Finding, Scale, scales_of
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.survey import spread
+from ohmward.signals.survey import running_median, spread
 
 #: Bits of the numbers; those of whose range a current with a sign may use half; smallest share of that half used.
 _BITS, _BITS_OF_SIGNED, _USED = (16, 32), 16, 0.5
@@ -59,8 +59,7 @@ def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np
     time_s, current_A, voltage_V = time_s[known], current_A[known], voltage_V[known]
     if current_A.size < _MEDIAN_OF:
         return
-    padded_A = np.pad(current_A, _MEDIAN_OF // 2, mode="edge")
-    usual_A = np.median(np.lib.stride_tricks.sliding_window_view(padded_A, _MEDIAN_OF), axis=1)  # noise ends no rest
+    usual_A = running_median(current_A, _MEDIAN_OF)  # noise ends no rest
     largest_A = np.abs(usual_A).max()
     idle = (usual_A < _CHARGES * largest_A) & (usual_A > -_IDLE * largest_A)
     for first, stop in long_runs(idle, time_s, 2 * RELAXED_S):

@@ -121,6 +121,12 @@ def spread(values: np.ndarray) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
 
 
+def running_median(values: np.ndarray, count: int) -> np.ndarray:
+    """(T,) median of each value and its neighbours, `count` in all, an odd number; the ends are repeated."""
+    padded = np.pad(values, count // 2, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, count), axis=1)
+
+
 def resolution(values: np.ndarray) -> float:
     """Smallest step between distinct values (T,), no NaN; 0 where they are all equal.
 

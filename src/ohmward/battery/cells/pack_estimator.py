@@ -18,7 +18,7 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag
 from ohmward.errors import InputError
-from ohmward.filters.estimator import Progress, number, numbers
+from ohmward.filters.estimator import Progress, number, numbers, row_of
 from ohmward.filters.run import Run
 from ohmward.logs.battery_columns import find_cells
 from ohmward.logs.log import Log, LogSource, as_log
@@ -67,7 +67,7 @@ class PackRun(Run[PackEstimate]):
 
     def warnings(self) -> tuple[CellWarning, ...]:
         """Warnings about cells that have drifted apart, at the end of the log."""
-        return cell_warnings(CellEstimate(*(column[-1] for column in self.cells)), self.names)
+        return cell_warnings(row_of(self.cells, -1), self.names)
 
     def first_warning_s(self) -> float | None:
         """Time of the first warning about a cell, None without one."""
@@ -76,7 +76,7 @@ class PackRun(Run[PackEstimate]):
 
     def figures(self) -> dict[str, Any]:
         """The pack, its weakest cell, the ranges and each cell at the end of the log, by name."""
-        now = estimate_at(self.estimates, -1)
+        now = row_of(self.estimates, -1)
         each = [column for column in now.cells._fields if column != "flags"]
         return {
             **{name: float(value) for name, value in now.pack._asdict().items()},
@@ -223,7 +223,7 @@ class PackEstimator:
         )
         cells = self._scan(lanes)
         estimates = self._estimate(soc_run.estimates, cells)
-        self.last = estimate_at(estimates, -1)
+        self.last = row_of(estimates, -1)
         return PackRun(log.time_s, estimates, time.perf_counter() - began, names or found, soc_run, of_typical)
 
     def warnings(self) -> tuple[CellWarning, ...]:
@@ -293,17 +293,9 @@ class PackEstimator:
 
     def _scan(self, samples: CellSample) -> CellEstimate:
         """Estimates (T, n) of all cells along samples, a cell in each lane."""
-        typical = TypicalCell(*(float(column[0]) for column in samples.typical))
-        first = CellSample(0.0, float(samples.current_A[0]), math.nan, float(samples.temperature_degC[0]), typical)
+        first, last = (row_of(samples, k)._replace(dt_s=0.0, voltage_V=math.nan) for k in (0, -1))
         states = self._cell_states() or self._first(first)
         after, cells = self.kernel.scan_lanes(side_by_side(states), samples)
-        last = CellSample(
-            0.0,
-            float(samples.current_A[-1]),
-            math.nan,
-            float(samples.temperature_degC[-1]),
-            TypicalCell(*(float(column[-1]) for column in samples.typical)),
-        )
         structure = structure_of(states[0], "state")
         ended = [pick_lanes(after, k) for k in range(self.settings.n_series)]
         self._states = [state if is_finite(structure, state) else self.settings.init(last) for state in ended]
@@ -337,14 +329,3 @@ def _typical_cell(estimate: SocEstimate, voltage_V: Any) -> TypicalCell:
 def _nothing() -> CellSample:
     """A sample in which nothing was measured, of an unknown cell."""
     return CellSample(0.0, math.nan, math.nan, math.nan, TypicalCell(0.5, 0.3, 0.0, 1.0, 1.0, math.nan))
-
-
-def estimate_at(estimates: PackEstimate, index: int) -> PackEstimate:
-    """The estimate at one sample of a run."""
-    pack, typical, cells, flags = estimates
-    return PackEstimate(
-        PackState(*(column[index] for column in pack)),
-        SocEstimate(*(column[index] for column in typical)),
-        CellEstimate(*(column[index] for column in cells)),
-        flags[index],
-    )

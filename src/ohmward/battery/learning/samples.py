@@ -16,10 +16,9 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.identification.record import begins_interval, find_gaps
 from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, sample_limits
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
-from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
 #: Step over which charge and overpotentials are summed [s], a tenth of a usual fast time constant of a cell, and steps
@@ -107,19 +106,15 @@ class _Sanitized(NamedTuple):
 
 def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     """The samples of a whole log; the charge between those that are left out is added up."""
-    model = battery.thevenin
-    lowest_V, highest_V = model.ocv.voltage_V[0], model.ocv.voltage_V[-1]
-    current_A: Any = log.current_A
-    voltage_V: Any = log.voltage_V
-    known = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
-    credible = np.asarray(is_voltage(voltage_V, lowest_V, highest_V))
+    limits, gassing_V = sample_limits(battery.thevenin), battery.thevenin.gassing_V
+    known, credible = limits.is_current(log.current_A), limits.is_voltage(log.voltage_V)
     if np.count_nonzero(known & credible) < _FEWEST:
         raise InputError(
             f"log {log.name!r}: fewer than {_FEWEST} samples have a current and a voltage that a battery of "
-            f"{battery.capacity_Ah:g} Ah and {highest_V:.3g} V can show; check columns and units"
+            f"{battery.capacity_Ah:g} Ah and {limits.highest_ocv_V:.3g} V can show; check columns and units"
         )
-    if model.gassing_V is not None:
-        credible &= np.asarray(voltage_V < model.gassing_V)
+    if gassing_V is not None:
+        credible &= log.voltage_V < gassing_V
     time_s, current_A = log.time_s[known], log.current_A[known]
     dt_s = np.diff(time_s, prepend=time_s[0])
     gap = find_gaps(time_s)
@@ -136,7 +131,7 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
         moved_Ah=np.diff(moved_Ah[used], prepend=0.0),
         current_A=current_A[used],
         temperature_degC=log.temperature_along(ROOM_DEGC)[known][used],
-        voltage_V=np.where(credible, voltage_V, np.nan)[known][used],
+        voltage_V=np.where(credible, log.voltage_V, np.nan)[known][used],
         path_variance=np.diff(path[used], prepend=0.0),
         gaps=np.flatnonzero(gap[used]),
     )
@@ -169,6 +164,8 @@ def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
     mean_A[gaps] = 0.0
     voltage_V = clean.voltage_V[part]
     usual_s = float(np.median(dt_s[1:]))
+    # in a gap the battery was used as usual or not at all, or was charged
+    at_gaps = [Jump(int(k), min(USUAL_C * dt_s[k] / SECONDS_PER_HOUR, _MOST_UNKNOWN)) for k in gaps]
     every = ROW_STEPS if usual_s < ROW_STEPS * STEP_S else 1
     rows = np.flatnonzero(np.isfinite(voltage_V))[::every]
     return Samples(
@@ -181,16 +178,11 @@ def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
         temperature_degC=clean.temperature_degC[part],
         voltage_V=voltage_V,
         gaps=gaps,
-        jumps=(*_jumps_at_gaps(dt_s, gaps), *_path_jumps(path)),
+        jumps=(*at_gaps, *_path_jumps(path)),
         rests=tuple(_declared_rests(clean.current_A[part], clean.time_s[part], battery)),
         rows=rows,
         row_s=every * usual_s,
     )
-
-
-def _jumps_at_gaps(dt_s: np.ndarray, gaps: np.ndarray) -> list[Jump]:
-    """Changes of SoC in the gaps, during which the battery was used as usual or not at all, or was charged."""
-    return [Jump(int(k), min(USUAL_C * dt_s[k] / SECONDS_PER_HOUR, _MOST_UNKNOWN)) for k in gaps]
 
 
 def _path_jumps(path: np.ndarray) -> list[Jump]:

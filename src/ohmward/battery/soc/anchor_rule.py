@@ -142,10 +142,6 @@ class AnchorEvent(NamedTuple):
         """The condition that there is an event."""
         return self.full | self.empty | self.top
 
-    def or_else(self, other: AnchorEvent) -> AnchorEvent:
-        """This event where there is one, else the other."""
-        return choose(self.gives_soc, self, other)
-
 
 #: Nothing has happened.
 NO_EVENT = AnchorEvent(False, False, 0.0, 1.0)
@@ -190,7 +186,7 @@ class AnchorRule:
         )
         after = after._replace(discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged))
         after, top = self.reach_top(after, clean)
-        return after, event.or_else(top)
+        return after, choose(event.gives_soc, event, top)
 
     def reach_top(self, memory: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
         """The memory after a sample, and the event that a charge has reached the steep end of a flat curve.
@@ -239,10 +235,6 @@ class AnchorRule:
         rate_per_s = current_A / self.model.capacity_As
         slower = maximum(1.0 / self.model.rate_arrhenius_factor(temperature_degC), 1.0)
         return SocNormal(rate_per_s * self.limits.left_s * slower, rate_per_s * self.limits.left_std_s * slower)
-
-    def fade(self, clean: CleanSocSample) -> Scalar:
-        """Decay factor of the slowest RC pair over the step."""
-        return exp(clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s))
 
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed.
@@ -302,7 +294,10 @@ class AnchorRule:
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the load, and the time for which its end would be a cut-off."""
         loaded = usable & (clean.now.current_A < -self.load_A)
-        strongest_A = minimum(clean.now.current_A, self.fade(clean) * memory.peak_load_A)
+        slowest_decay = exp(
+            clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s)
+        )
+        strongest_A = minimum(clean.now.current_A, slowest_decay * memory.peak_load_A)
         peak = CircuitInput(strongest_A, clean.now.temperature_degC)
         at_cut_off = self.cut_off(clean.voltage_V, peak)
         low = loaded & (self.but_for_drop_V(clean.voltage_V, peak) < self.empty_V)

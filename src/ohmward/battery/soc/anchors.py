@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,9 +12,10 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sample_limits, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, first_input, sample_limits, sanitize
 from ohmward.battery.soc.estimator import SocRun, samples_of
-from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.sample import NO_SAMPLE, SocFlag, SocSample
+from ohmward.filters.estimator import row_of
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where
 
@@ -73,51 +74,35 @@ class FinderOutput(NamedTuple):
     held_s: Any  #: time for which the voltage has stood still
 
 
-@dataclass(frozen=True)
-class AnchorFinder:
-    """Settings; `init` and `step` are pure functions of them."""
+def _start(rule: AnchorRule, first: SocSample) -> FinderState:
+    """State before the first sample."""
+    u = first_input(first, sample_limits(rule.model).current_A)
+    return FinderState(u.current_A, u.temperature_degC, AnchorMemory(), Rest())
 
-    rule: AnchorRule  #: of the battery
-    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
 
-    @property
-    def limits(self) -> SampleLimits:
-        """Plausibility limits of a sample."""
-        model = self.rule.model
-        return sample_limits(model, self.gap_s)
-
-    def no_sample(self) -> SocSample:
-        """A sample in which nothing was measured."""
-        return SocSample(0.0, math.nan, math.nan, math.nan)
-
-    def init(self, first: SocSample) -> FinderState:
-        """State before the first sample."""
-        u = first_input(first, self.limits.current_A)
-        return FinderState(u.current_A, u.temperature_degC, AnchorMemory(), Rest())
-
-    def step(self, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
-        """State and output after a sample."""
-        before = CircuitInput(state.current_A, state.temperature_degC)
-        clean = sanitize(sample, before, self.limits)
-        memory, event = self.rule.step(state.memory, clean)
-        rest, _ = self.rule.continue_rest(state.rest, clean)
-        moved = memory.held_s < state.memory.held_s
-        full = where(event.full, 1.0, where(moved, 0.0, state.full))
-        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full)
-        output = FinderOutput(
-            current_A=after.current_A,
-            empty=where(event.empty, 1.0, 0.0),
-            top=where(event.top, 1.0, 0.0),
-            event=SocNormal(event.soc, event.std),
-            full=where((state.full > 0.5) & moved, 1.0, 0.0),
-            rest=where((state.rest.used > 0.5) & (rest.used < 0.5), 1.0, 0.0),
-            cut_off=where(self.rule.was_low(state.memory) & (sample.dt_s > self.gap_s), 1.0, 0.0),
-            before=before,
-            low=SocNormal(state.memory.low_soc, state.memory.low_std),
-            below_full=where(self.rule.stops_below_full(memory, clean), 1.0, 0.0),
-            held_s=memory.held_s,
-        )
-        return after, output
+def _step(rule: AnchorRule, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
+    """State and output after a sample."""
+    before = CircuitInput(state.current_A, state.temperature_degC)
+    clean = sanitize(sample, before, sample_limits(rule.model))
+    memory, event = rule.step(state.memory, clean)
+    rest, _ = rule.continue_rest(state.rest, clean)
+    moved = memory.held_s < state.memory.held_s
+    full = where(event.full, 1.0, where(moved, 0.0, state.full))
+    after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full)
+    output = FinderOutput(
+        current_A=after.current_A,
+        empty=where(event.empty, 1.0, 0.0),
+        top=where(event.top, 1.0, 0.0),
+        event=SocNormal(event.soc, event.std),
+        full=where((state.full > 0.5) & moved, 1.0, 0.0),
+        rest=where((state.rest.used > 0.5) & (rest.used < 0.5), 1.0, 0.0),
+        cut_off=where(rule.was_low(state.memory) & (sample.dt_s > CURRENT_GAP_S), 1.0, 0.0),
+        before=before,
+        low=SocNormal(state.memory.low_soc, state.memory.low_std),
+        below_full=where(rule.stops_below_full(memory, clean), 1.0, 0.0),
+        held_s=memory.held_s,
+    )
+    return after, output
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -126,16 +111,16 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     The rule is that of the live estimator (`AnchorRule`), but a log shows what follows: a full charge and a rest are
     placed at their end, where they say most, and a load that is low at the end of the log or before a gap was cut off.
     """
-    finder = _finder(battery)
+    rule = rule_of(battery)
     found: list[Anchor] = []
     current_A = np.empty(len(log))
-    for first, output in _outputs(log, finder):
+    for first, output in _outputs(log, rule):
         current_A[first : first + _STRETCH] = output.current_A[: len(log) - first]
-        found += _anchors_inside(log, first, finder.rule, output)
-    declared = SocNormal(1.0, finder.rule.limits.full_std)
+        found += _anchors_inside(log, first, rule, output)
+    declared = SocNormal(1.0, rule.limits.full_std)
     found += [_anchor("full charge", k, declared, log, name) for name, k in log.full_charges()]
     found.sort(key=lambda anchor: anchor.sample)
-    apart_As = AGAIN * finder.rule.model.capacity_As
+    apart_As = AGAIN * rule.model.capacity_As
     return tuple(_without_repeats(found, log.time_s, current_A, apart_As))
 
 
@@ -168,33 +153,33 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
     """Highest voltage [V], without overpotential, at which a charger stops below full; None if it never does."""
-    finder, limits_V = _finder(battery), []
-    outputs = [output for _, output in _outputs(log, finder)]
+    rule, limits_V = rule_of(battery), []
+    outputs = [output for _, output in _outputs(log, rule)]
     if any(output.full.any() for output in outputs):
         return None
     held_s, below_full = (np.concatenate([getattr(o, name) for o in outputs]) for name in ("held_s", "below_full"))
     before = CircuitInput(*(np.concatenate(columns) for columns in zip(*(o.before for o in outputs), strict=True)))
     for k in np.flatnonzero(np.diff(below_full, prepend=0.0) > 0.0).tolist():
         end = k + int(np.argmax(np.diff(held_s[k:]) < 0.0)) + 1
-        u = CircuitInput(*(float(column[end]) for column in before))
-        limits_V.append(float(finder.rule.relaxed_V(float(np.median(log.voltage_V[k:end])), u)))
+        middle_V = float(np.median(log.voltage_V[k:end]))
+        limits_V.append(float(rule.relaxed_V(middle_V, row_of(before, end))))
     return max(limits_V, default=None)
 
 
-def _finder(battery: Battery) -> AnchorFinder:
-    return AnchorFinder(AnchorRule(battery.thevenin, battery.noise, battery.sensor))
+def rule_of(battery: Battery) -> AnchorRule:
+    """Rule for the events of a battery."""
+    return AnchorRule(battery.thevenin, battery.noise, battery.sensor)
 
 
-def _outputs(log: Log, finder: AnchorFinder) -> Iterator[tuple[int, FinderOutput]]:
+def _outputs(log: Log, rule: AnchorRule) -> Iterator[tuple[int, FinderOutput]]:
     """First sample and output of each stretch of a log; the last one is of a sample after its end, without a value."""
-    nothing = finder.no_sample()
-    kernel = Kernel(finder.step, finder.init(nothing), nothing)
+    kernel = Kernel(partial(_step, rule), _start(rule, NO_SAMPLE), NO_SAMPLE)
     columns = samples_of(log)
-    state = finder.init(SocSample(*(float(column[0]) for column in columns)))
+    state = _start(rule, row_of(columns, 0))
     for first in range(0, len(log), _STRETCH):
         state, output = kernel.scan(state, SocSample(*(column[first : first + _STRETCH] for column in columns)))
         yield first, output
-    _, output = kernel.scan(state, nothing._replace(dt_s=np.array([math.inf])))
+    _, output = kernel.scan(state, NO_SAMPLE._replace(dt_s=np.array([math.inf])))
     yield len(log), output
 
 
@@ -203,25 +188,20 @@ def _anchors_inside(log: Log, first: int, rule: AnchorRule, output: FinderOutput
 
     def before(k: int) -> tuple[int, float, CircuitInput]:
         last = first + k - 1
-        return last, float(log.voltage_V[last]), CircuitInput(*(float(column[k]) for column in output.before))
+        return last, float(log.voltage_V[last]), row_of(output.before, k)
 
     for k in np.flatnonzero(output.full).tolist():
         last, voltage_V, u = before(k)
         yield _anchor("full charge", last, rule.full(voltage_V, u), log)
     for k in np.flatnonzero(output.top).tolist():
-        yield _anchor("nearly full", first + k, _at(output.event, k), log)
+        yield _anchor("nearly full", first + k, row_of(output.event, k), log)
     for k in np.flatnonzero(output.empty).tolist():
-        yield _anchor("empty", first + k, _at(output.event, k), log)
+        yield _anchor("empty", first + k, row_of(output.event, k), log)
     for k in np.flatnonzero(output.cut_off).tolist():
-        yield _anchor("empty", first + k - 1, _at(output.low, k), log)
+        yield _anchor("empty", first + k - 1, row_of(output.low, k), log)
     for k in np.flatnonzero(output.rest).tolist():
         last, voltage_V, u = before(k)
         yield _anchor("rest", last, rule.at_rest(voltage_V, u), log)
-
-
-def _at(soc: SocNormal, k: int) -> SocNormal:
-    """State of charge at a sample."""
-    return SocNormal(float(soc.soc[k]), float(soc.std[k]))
 
 
 def _without_repeats(

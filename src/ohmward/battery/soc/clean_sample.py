@@ -46,6 +46,14 @@ class SampleLimits(NamedTuple):
     lowest_ocv_V: float = 0.0
     highest_ocv_V: float = math.inf
 
+    def is_current(self, current_A: Any) -> Any:
+        """True where a battery can have this current; float, array or traced."""
+        return is_current(current_A, self.current_A)
+
+    def is_voltage(self, voltage_V: Any) -> Any:
+        """True where a battery can show this voltage; float, array or traced."""
+        return is_voltage(voltage_V, self.lowest_ocv_V, self.highest_ocv_V)
+
 
 def sample_limits(model: Thevenin | RcModel, gap_s: float = CURRENT_GAP_S) -> SampleLimits:
     """Plausibility limits of a sample of a battery."""
@@ -96,9 +104,9 @@ def sanitize(
     unknown_before_s: time for which the current was unknown before this step.
     """
     step = sanitize_step(sample.dt_s, LONGEST_PAUSE_S, limits.gap_s)
-    current_measured = is_current(sample.current_A, limits.current_A)
+    current_measured = limits.is_current(sample.current_A)
     current_known = current_measured & logical_not(step.gap)
-    voltage_measured = is_voltage(sample.voltage_V, limits.lowest_ocv_V, limits.highest_ocv_V)
+    voltage_measured = limits.is_voltage(sample.voltage_V)
     current_A = hold(sample.current_A, current_measured, before.current_A, step.dt_s, HOLD_S)
     temperature_measured = is_temperature(sample.temperature_degC)
     temperature_degC = hold(sample.temperature_degC, temperature_measured, before.temperature_degC)

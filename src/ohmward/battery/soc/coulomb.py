@@ -29,7 +29,6 @@ from ohmward.battery.soc.clean_sample import (
     continue_rest,
     first_input,
     is_current,
-    is_voltage,
     sample_limits,
     sanitize,
 )
@@ -111,8 +110,7 @@ class CoulombCounting:
         offset = self.sensor.offset_std_A * state.elapsed_s / self.model.capacity_As
         gain = np.hypot(self.noise.capacity_std, self.sensor.gain_std) * state.moved
         std = np.sqrt(state.white_variance + offset**2 + gain**2)
-        unknown = SocEstimate(*[math.nan * state.soc] * len(SocEstimate._fields))
-        return unknown._replace(soc=state.soc, soc_std=std, flags=flags)
+        return SocEstimate(state.soc, std, flags=flags)
 
 
 def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Thevenin) -> Scalar:
@@ -182,7 +180,7 @@ class RestOcv:
         """State and estimate after a sample."""
         counting, counted = self.counting.step(state.counting, sample)
         resting = is_current(sample.current_A, self.sensor.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
-        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
+        measured = self.counting.limits.is_voltage(sample.voltage_V)
         dt_s = counting.elapsed_s - state.counting.elapsed_s
         rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s, measured)
         y = where(measured, sample.voltage_V, 0.0)

@@ -22,6 +22,7 @@ from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import (
     INITIAL_SOC_STD,
     LEARNT_FIELDS,
+    NO_SAMPLE,
     Estimator,
     SocEstimate,
     SocFlag,
@@ -32,7 +33,7 @@ from ohmward.battery.soc.voltage_faults import StartWatch, watch_start, wrong_st
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
-from ohmward.filters.estimator import LiveEstimator, Progress, number
+from ohmward.filters.estimator import LiveEstimator, Progress, number, row_of
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log, LogSource, Note, as_log
 from ohmward.trace import Kernel
@@ -66,7 +67,7 @@ class SocRun(Run[SocEstimate]):
 
     def explain(self) -> Explanation:
         """State of charge at the end of the log in one sentence, and the causes of its uncertainty."""
-        last = SocEstimate(*(float(column[-1]) for column in self.estimates))
+        last = row_of(self.estimates, -1)
         found = explain(self.settings, self.kernel, self.end, last, self.history)
         return found._replace(sentence=f"{DO_NOT_TRUST} {found.sentence}") if self.notes else found
 
@@ -263,7 +264,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         pieces, seconds, begin = [], 0.0, 0
         for stop in sorted(({k + 1 for k in declared_full} | gaps.keys() | again | {len(log)}) - {0}):
             rows = SocSample(*(column[begin:stop] for column in samples))
-            first = SocSample(*(float(column[0]) for column in rows))
+            first = row_of(rows, 0)
             if begin in gaps:
                 self._begin_after_gap(first, gaps[begin])
             if begin in again and self._model:
@@ -346,7 +347,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""
-        return SocSample(0.0, math.nan, math.nan, math.nan)
+        return NO_SAMPLE
 
     def __repr__(self) -> str:
         now = f", soc {self.last.soc:.3f} ± {BAND_95 * self.last.soc_std:.3f}" if self.last else ""

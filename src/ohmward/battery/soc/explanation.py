@@ -27,7 +27,7 @@ from ohmward.battery.soc.causes import (
 )
 from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import NO_SAMPLE, SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.battery.soc.voltage_faults import HeldVoltage
 from ohmward.filters.belief import Belief, unpack
@@ -194,8 +194,7 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
 @lru_cache(maxsize=MOST_KERNELS)
 def _member_kernel(settings: TheveninFilter, lowering: str) -> Kernel:
     """The step of one filter of a Gaussian sum, compiled."""
-    nothing = SocSample(0.0, math.nan, math.nan, math.nan)
-    return Kernel(settings.step, settings.init(nothing), nothing, lowering=lowering)
+    return Kernel(settings.step, settings.init(NO_SAMPLE), NO_SAMPLE, lowering=lowering)
 
 
 def known_sentence(soc: float, half: float) -> str:

@@ -20,7 +20,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.capacity_evidence import count_once
 from ohmward.battery.soc.clean_sample import first_input, sanitize
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, mixed, relative
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.battery.soc.voltage_faults import HeldVoltage
@@ -141,18 +141,24 @@ def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal)
     Raises:
         InputError: the estimator takes no state of charge from outside.
     """
-    if isinstance(settings, GaussianSumFilter):
-        return _correct_sum(settings, state, estimate, given)
     if isinstance(settings, TheveninFilter):
-        return _correct_filter(settings, state, estimate, given)
-    raise InputError(
-        f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf, ukf or rc"
-    )
+        return _corrected(settings, state, estimate, given)
+    if not isinstance(settings, GaussianSumFilter):
+        raise InputError(
+            f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf, ukf or rc"
+        )
+    # the hypotheses are weighted by how well each predicted it
+    foreseen = [_log_density(unpack(member.belief), given) for member in state.members]
+    log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
+    parts = [_corrected(settings.member, member, estimate, given) for member in state.members]
+    members, estimates = zip(*parts, strict=True)
+    return state._replace(members=members, log_weights=log_weights), mixed(estimates, log_weights)
 
 
-def _correct_filter(
+def _corrected(
     settings: TheveninFilter, state: FilterState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[FilterState, SocEstimate]:
+    """State and estimate of one filter."""
     before = unpack(state.belief)
     corrected = with_given_soc(before, given, settings.gate)
     belief, evidence = count_once(state.evidence, before, corrected, settings.system.gain_index)
@@ -161,17 +167,6 @@ def _correct_filter(
     anchors = state.anchors._replace(discharged=0.0)
     after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=anchors, evidence=evidence)
     return after, estimate._replace(**known, flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED)
-
-
-def _correct_sum(
-    settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, given: SocNormal
-) -> tuple[GaussianSumState, SocEstimate]:
-    """Update all hypotheses, and weight them by how well each predicted the given state of charge."""
-    foreseen = [_log_density(unpack(member.belief), given) for member in state.members]
-    parts = [_correct_filter(settings.member, member, estimate, given) for member in state.members]
-    log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
-    members = tuple(member for member, _ in parts)
-    return state._replace(members=members, log_weights=log_weights), mixed([part for _, part in parts], log_weights)
 
 
 def with_given_soc(belief: Belief, given: SocNormal, gate: float = math.inf) -> Belief:

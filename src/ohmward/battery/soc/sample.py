@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -51,6 +52,10 @@ class SocSample(NamedTuple):
     temperature_degC: Any
 
 
+#: A sample in which nothing was measured.
+NO_SAMPLE = SocSample(0.0, math.nan, math.nan, math.nan)
+
+
 class SocEstimate(NamedTuple):
     """Estimate after a sample; quantities that the estimator does not provide are nan.
 
@@ -74,16 +79,16 @@ class SocEstimate(NamedTuple):
 
     soc: Any
     soc_std: Any
-    voltage_V: Any
-    voltage_std_V: Any
-    innovation_V: Any
-    current_offset_A: Any
-    current_offset_std_A: Any
-    soh_capacity: Any
-    soh_capacity_std: Any
-    resistance_ratio: Any
-    resistance_ratio_std: Any
-    flags: Any
+    voltage_V: Any = math.nan
+    voltage_std_V: Any = math.nan
+    innovation_V: Any = math.nan
+    current_offset_A: Any = math.nan
+    current_offset_std_A: Any = math.nan
+    soh_capacity: Any = math.nan
+    soh_capacity_std: Any = math.nan
+    resistance_ratio: Any = math.nan
+    resistance_ratio_std: Any = math.nan
+    flags: Any = 0.0
 
 
 #: States in an estimate, and the fields with their standard deviations.

@@ -115,12 +115,6 @@ class TextbookFilter:
             voltage_V=clean.voltage_V - innovation_V,
             voltage_std_V=np.sqrt(innovation_V2),
             innovation_V=where(clean.measured, innovation_V, math.nan),
-            current_offset_A=math.nan,
-            current_offset_std_A=math.nan,
-            soh_capacity=math.nan,
-            soh_capacity_std=math.nan,
-            resistance_ratio=math.nan,
-            resistance_ratio_std=math.nan,
             flags=flags_of({SocFlag.NO_VOLTAGE: logical_not(clean.measured)}),
         )
 

@@ -28,7 +28,6 @@ from ohmward.battery.soc.clean_sample import (
     CleanSocSample,
     SampleLimits,
     first_input,
-    is_voltage,
     sample_limits,
     sanitize,
 )
@@ -187,7 +186,7 @@ class TheveninFilter:
             mean[j], cov[j, SOC], cov[SOC, j] = a * start.model_error, a * start.covariance, a * start.covariance
             for k, b in errors.items():
                 cov[j, k] = cov[j, k] + a * b * news
-        used = is_voltage(first.voltage_V, self.limits.lowest_ocv_V, self.limits.highest_ocv_V)
+        used = self.limits.is_voltage(first.voltage_V)
         held = state.held._replace(jumped_V=where(used, first.voltage_V, -1.0), jumped_s=JUMP_LASTS_S)
         return state._replace(belief=pack(Belief(mean, cov)), held=held)
 

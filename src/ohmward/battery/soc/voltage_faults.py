@@ -18,12 +18,12 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import (
     CleanSocSample,
     first_input,
-    is_voltage,
     sample_limits,
     sanitize,
     without_voltage,
 )
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.filters.estimator import row_of
 from ohmward.filters.sanitize import between
 from ohmward.trace import logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
@@ -121,7 +121,7 @@ class StartWatch(NamedTuple):
 def watch_start(first: SocSample, model: Thevenin) -> StartWatch:
     """The watch of a start from the voltage of this sample."""
     limits = sample_limits(model)
-    used = is_voltage(first.voltage_V, limits.lowest_ocv_V, limits.highest_ocv_V)
+    used = limits.is_voltage(first.voltage_V)
     u = first_input(first, limits.current_A)
     return StartWatch(first.voltage_V if used else math.nan, u, u.current_A)
 
@@ -138,12 +138,12 @@ def wrong_starts(
     begin = 0
     again: list[int] = []
     if watch is None:
-        watch = watch_start(_row(samples, 0), model)
+        watch = watch_start(row_of(samples, 0), model)
         begin = 1
     for k in range(begin, len(samples.dt_s)):
         if watch is None:
             break
-        sample = _row(samples, k)
+        sample = row_of(samples, k)
         watch, wrong = watch.after(sample, model)
         if wrong:
             again.append(k)
@@ -161,11 +161,6 @@ def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
     steps_s = samples.dt_s[until][1:]
     regular = bool(np.all((steps_s >= 0.0) & (steps_s <= JUMP_S)))
     return regular and bool(np.ptp(samples.voltage_V[until]) <= JUMP_SHARE * model.ocv.voltage_V[-1])
-
-
-def _row(samples: SocSample, k: int) -> SocSample:
-    """Sample k of samples (T,)."""
-    return SocSample(*(float(column[k]) for column in samples))
 
 
 def without_frozen(
