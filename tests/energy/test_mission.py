@@ -58,6 +58,13 @@ def test_days_between_drives_count():
     assert "0.0 days since the last drive that was learned from" in [note.text for note in second.notes]
 
 
+def test_days_count_from_the_first_sample_of_a_part_of_a_log():
+    first = analyse(battery(), start(PRIOR), LOG, ground="grass", settings=SOC)
+    later = replace(LOG, time_s=TIME_S + 2 * 86400.0)
+    second = analyse(battery(), first.consumption, later, ground="grass", settings=SOC)
+    assert "2.0 days since the last drive that was learned from" in [note.text for note in second.notes]
+
+
 def test_a_plan_alone_is_looked_ahead_to():
     result = analyse(battery(), start(PRIOR), plan=PLAN, settings=SOC)
     assert result.record is None

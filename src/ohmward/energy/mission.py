@@ -200,8 +200,8 @@ def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consum
         return begin_drive(before), []
     notes = []
     days = 0.0
-    if record.log.start_unix_s is not None and before.last_drive_unix_s is not None:
-        days = max(record.log.start_unix_s - before.last_drive_unix_s, 0.0) / DAY_S
+    if record.log.begin_unix_s is not None and before.last_drive_unix_s is not None:
+        days = max(record.log.begin_unix_s - before.last_drive_unix_s, 0.0) / DAY_S
         notes.append(Note(f"{days:.1f} days since the last drive that was learned from"))
     c = begin_drive(before, days)
     for driven in record.driven:
