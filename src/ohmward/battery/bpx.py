@@ -34,7 +34,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import (
     CHEMISTRIES,
-    OCV_POINTS,
     assumed_capacity,
     chemistry_name,
     curve_misfit,
@@ -42,7 +41,7 @@ from ohmward.battery.chemistries import (
     start_noise,
 )
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD
-from ohmward.battery.models.ocv import OcvCurve, monotone
+from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
@@ -161,7 +160,7 @@ def _thevenin(
     source: _Source, cell_Ah: float, area_m2: float, reference_K: float, negative: _Electrode, positive: _Electrode
 ) -> Thevenin:
     """The circuit of one cell."""
-    fine, coarse = np.linspace(0.0, 1.0, OCV_POINTS), np.linspace(0.0, 1.0, _RESISTANCE_POINTS)
+    fine, coarse = OCV_GRID, np.linspace(0.0, 1.0, _RESISTANCE_POINTS)
     inside = np.clip(coarse, _END_DISTANCE, 1.0 - _END_DISTANCE)
     both = (negative, positive)
     ocv_V = positive.potential_V(positive.stoichiometry(fine)) - negative.potential_V(negative.stoichiometry(fine))

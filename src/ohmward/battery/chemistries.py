@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OCV_GRID, OCV_POINTS, OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
@@ -27,8 +27,6 @@ _LABEL_CAPACITY_STD = 0.1
 _LABEL_RESISTANCE_STD = 0.8
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
-#: Points of the uniform SoC grid of an OCV curve made here.
-OCV_POINTS = 201
 #: Voltage above which a battery gases, relative to a full one at rest: about 2.23 V for a lead-acid cell.
 _GASSING_SHARE = 1.03
 #: Lowest voltage relative to an empty battery, and highest relative to a full one; the last for batteries that gas.
@@ -284,8 +282,7 @@ class Chemistry:
 
     def ocv(self) -> OcvCurve:
         """The curve on a uniform grid."""
-        grid = np.linspace(0.0, 1.0, OCV_POINTS)
-        voltage = np.interp(grid, self.soc, self.ocv_V)
+        voltage = np.interp(OCV_GRID, self.soc, self.ocv_V)
         return OcvCurve(tuple(voltage.tolist()), (self.hysteresis_V,) * OCV_POINTS)
 
 

@@ -6,15 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.ocv import OcvCurve, monotone
+from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.logs.ocv_table import OcvTable, read_ocv_table
 from ohmward.optional import require
 
-#: Points of the uniform SoC grid of the curve.
-GRID = np.linspace(0.0, 1.0, 201)
 #: SoC beyond 0 or 1 by less is put down to counting errors in the table.
 _COUNTING_ERROR = 0.005
 #: A voltage that falls with rising SoC by less than this share of itself is noise of the measurement and is levelled.
@@ -31,7 +29,6 @@ class GivenOcv(NamedTuple):
     """An OCV curve given by the user, and the assumptions made about it."""
 
     curve: OcvCurve  #: of a cell or of the pack
-    covered: tuple[float, float] = (0.0, 1.0)  #: lowest and highest SoC of its points
     notes: tuple[Note, ...] = ()  #: assumptions
 
 
@@ -74,12 +71,11 @@ def curve_of(table: OcvTable) -> GivenOcv:
         )
     curve = OcvCurve(
         tuple(np.maximum.accumulate(_on_grid(soc, rising_V)).tolist()),
-        tuple(np.interp(GRID, soc, half_V).tolist()),
-        tuple(np.interp(GRID, soc, slope).tolist()),
+        tuple(np.interp(OCV_GRID, soc, half_V).tolist()),
+        tuple(np.interp(OCV_GRID, soc, slope).tolist()),
         ROOM_DEGC if table.reference_degC is None else table.reference_degC,
     )
-    notes = (*table.notes, *_notes(table.source, soc, levelled_V))
-    return GivenOcv(curve, (float(soc[0]), float(soc[-1])), notes)
+    return GivenOcv(curve, (*table.notes, *_notes(table.source, soc, levelled_V)))
 
 
 def in_series(given: GivenOcv, voltage_V: np.ndarray, n_series: int) -> GivenOcv:
@@ -166,10 +162,10 @@ def _on_grid(soc: np.ndarray, voltage_V: np.ndarray) -> np.ndarray:
     """(201,) monotone cubic through the points, straight on beyond the ends."""
     PchipInterpolator = require("scipy.interpolate", "an OCV curve from a table").PchipInterpolator
 
-    inside = np.clip(GRID, soc[0], soc[-1])
+    inside = np.clip(OCV_GRID, soc[0], soc[-1])
     slope = np.diff(voltage_V) / np.diff(soc)
-    below, above = slope[0] * (GRID - inside), slope[-1] * (GRID - inside)
-    return PchipInterpolator(soc, voltage_V)(inside) + np.where(soc[0] > GRID, below, above)
+    below, above = slope[0] * (OCV_GRID - inside), slope[-1] * (OCV_GRID - inside)
+    return PchipInterpolator(soc, voltage_V)(inside) + np.where(soc[0] > OCV_GRID, below, above)
 
 
 def _notes(source: str, soc: np.ndarray, levelled_V: float) -> tuple[Note, ...]:

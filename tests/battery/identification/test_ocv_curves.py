@@ -4,7 +4,7 @@ import pytest
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, low_rate_logs, play, steps
 from ohmward.battery.identification.ocv_from_logs import (
     RestPoint,
-    branch_notes,
+    branch_note,
     find_branches,
     monotone,
     ocv_from_branches,
@@ -42,10 +42,10 @@ def test_complete_branches_define_their_own_axis():
     branches = branches_of(*low_rate_logs(cell()), capacity_Ah=2.08)
     assert [b.complete for b in branches] == [True, True]
     assert branches[0].soc[[0, -1]] == pytest.approx([1, 0], abs=1e-9)
-    levels = [note.level for note in branch_notes(branches, 2.08)]
+    levels = [branch_note(branch, 2.08).level for branch in branches]
     assert levels == ["warning", "warning"]
-    assert "-3.8% of the given capacity" in branch_notes(branches, 2.08)[0].text
-    assert [note.level for note in branch_notes(branches, 2.02)] == ["info", "info"]
+    assert "-3.8% of the given capacity" in branch_note(branches[0], 2.08).text
+    assert [branch_note(branch, 2.02).level for branch in branches] == ["info", "info"]
 
 
 def test_part_of_a_branch_needs_its_start():
@@ -81,7 +81,7 @@ def test_change_with_temperature():
 
 
 def points(soc, duration_s=3600.0):
-    return [RestPoint("log", k, s, float(NMC_OCV.mean_V(s, 25.0)), duration_s) for k, s in enumerate(soc)]
+    return [RestPoint(s, float(NMC_OCV.mean_V(s, 25.0)), duration_s) for s in soc]
 
 
 def test_curve_through_rests():
@@ -98,7 +98,7 @@ def test_rests_that_do_not_reach_the_ends():
 
 
 def test_longer_rests_count_more():
-    short = [RestPoint("log", 0, 1.0, 5.0, 600.0)]
+    short = [RestPoint(1.0, 5.0, 600.0)]
     ocv = ocv_from_rests(points([0.0, 0.5, 1.0], 60000.0) + short, 3.0, 25.0)
     assert ocv.voltage_V[-1] == pytest.approx(float(NMC_OCV.mean_V(1.0, 25.0)), abs=0.02)
 

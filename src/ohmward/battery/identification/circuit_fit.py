@@ -15,9 +15,9 @@ import numpy as np
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Rates, block, covered
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.ocv_from_logs import OCV_GRID, smooth
+from ohmward.battery.identification.ocv_from_logs import smooth
 from ohmward.battery.identification.record import Record, find_rests
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OCV_GRID, OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.logs.log import Note
@@ -41,11 +41,10 @@ _STARTS: dict[int, tuple[tuple[float, ...], ...]] = {
 
 
 class CircuitFit(NamedTuple):
-    """The best solution, the covariance (n, n) of its search parameters, and all starts that were tried."""
+    """The best solution, and the covariance (n, n) of its search parameters."""
 
     solution: CircuitSolution
     search_cov: np.ndarray
-    starts: tuple[tuple[Rates, float], ...]
     sought: tuple[SoughtRate, ...]  #: the search parameters after those of the time constants
 
     def search_std(self, name: str) -> float:
@@ -93,7 +92,7 @@ def fit_circuit(
     solution, _, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
-    return CircuitFit(solution, search_cov, tuple((s.rates, s.score) for s in tried), problem.sought)
+    return CircuitFit(solution, search_cov, problem.sought)
 
 
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:

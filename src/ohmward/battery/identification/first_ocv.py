@@ -26,7 +26,7 @@ from ohmward.battery.identification.ocv_from_logs import (
     OcvBranch,
     RestPoint,
     branch_axis_std,
-    branch_notes,
+    branch_note,
     find_branches,
     ocv_from_branches,
     ocv_from_rests,
@@ -133,7 +133,8 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
     if not branches:
         return _without_low_rate(fast or records, settings)
     curve = ocv_from_branches(branches, reference_degC(fast or slow))
-    return FirstOcv(curve, "low-rate", fast, branches, branch_axis_std(branches), notes=branch_notes(branches, Q))
+    notes = tuple(branch_note(branch, Q) for branch in branches)
+    return FirstOcv(curve, "low-rate", fast, branches, branch_axis_std(branches), notes=notes)
 
 
 def _without_low_rate(records: Sequence[Record], settings: IdentificationSettings) -> FirstOcv:

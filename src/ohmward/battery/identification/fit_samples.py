@@ -37,9 +37,8 @@ _BRANCH_SOC = np.linspace(0.02, 0.98, 97)
 class FitSamples(NamedTuple):
     """Samples of one record, (N,) each; values of an interval are those of the one that ends at the sample."""
 
-    name: str
     time_s: np.ndarray
-    dt_s: np.ndarray  #: length of the interval, 0 for the first; moved_Ah: its charge
+    dt_s: np.ndarray  #: length of the interval, 0 for the first
     current_A: np.ndarray  #: current at the sample
     mean_current_A: np.ndarray  #: its mean current
     soc: np.ndarray  #: state of charge there
@@ -47,7 +46,6 @@ class FitSamples(NamedTuple):
     temperature_degC: np.ndarray
     voltage_V: np.ndarray  #: measured, nan where it was not
     starts_at_rest: bool  #: True where the record starts with a long rest, its overpotentials gone
-    sample: np.ndarray  #: index of each in the log
 
 
 def thin(record: Record, soc: np.ndarray) -> tuple[FitSamples, ...]:
@@ -75,7 +73,6 @@ def thin_branch(branch: OcvBranch, capacity_Ah: float, otherwise_degC: float = R
     degC = otherwise_degC if branch.temperature_degC is None else branch.temperature_degC
     current_A = np.full(soc.size, branch.current_A)
     return FitSamples(
-        name=branch.log_name,
         time_s=time_s,
         dt_s=np.diff(time_s, prepend=time_s[0]),
         current_A=current_A,
@@ -85,7 +82,6 @@ def thin_branch(branch: OcvBranch, capacity_Ah: float, otherwise_degC: float = R
         temperature_degC=np.full(soc.size, degC),
         voltage_V=voltage_V,
         starts_at_rest=False,
-        sample=np.arange(soc.size),
     )
 
 
@@ -96,7 +92,6 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray) -> FitSamples:
     phase = next(p for p in record.phases if p.last >= rows[0])
     rest_s = record.log.time_s[phase.last] - time_s[0]
     return FitSamples(
-        name=record.log.name,
         time_s=time_s,
         dt_s=dt_s,
         current_A=record.current_A[rows],
@@ -106,7 +101,6 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray) -> FitSamples:
         temperature_degC=record.log.temperature_along(ROOM_DEGC)[rows],
         voltage_V=record.log.voltage_V[rows],
         starts_at_rest=phase.kind == "rest" and (rest_s >= RELAXED_AFTER_S or rows[0] > 0),
-        sample=rows,
     )
 
 

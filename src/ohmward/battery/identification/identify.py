@@ -60,8 +60,8 @@ from ohmward.battery.identification.log_details import (
     branch_fits,
     edge_notes,
     fit_notes,
+    is_reproduced,
     label_notes,
-    reproduces,
 )
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
@@ -101,7 +101,8 @@ class Identified(NamedTuple):
     @property
     def fits(self) -> bool:
         """True where the circuit reproduces every log that it was fitted to."""
-        return reproduces(self.battery)
+        model, origin = self.battery.thevenin, self.battery.identification
+        return origin is None or all(is_reproduced(fit, model.ocv) for fit in origin.logs)
 
 
 class Preparation(NamedTuple):

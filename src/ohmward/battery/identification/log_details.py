@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, LogFit
+from ohmward.battery.battery import LogFit
 from ohmward.battery.chemistries import chemistry as chemistry_of
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint, rest_points
@@ -39,9 +39,6 @@ _WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTIED_SOC = 0.03, 15.0, 0.02
 class Edge(NamedTuple):
     """One jump of the current from one sample to the next."""
 
-    log_name: str
-    sample: int  #: the one after the jump
-    dt_s: float  #: interval across it; soc there
     soc: float
     step_A: float  #: change of the current
     current_A: float  #: the larger of both in magnitude, whose sign is the direction
@@ -68,8 +65,8 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
     sharp = (np.abs(step_A) > _SMALLEST_RATE * capacity_Ah) & (dt_s <= longest_s) & np.isfinite(step_V)
     larger_A = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
     rows = np.flatnonzero(sharp)
-    columns = (rows + 1, dt_s[rows], soc[rows + 1], step_A[rows], larger_A[rows], step_V[rows] / step_A[rows])
-    return tuple(Edge(record.log.name, *values) for values in zip(*(c.tolist() for c in columns), strict=True))
+    columns = (soc[rows + 1], step_A[rows], larger_A[rows], step_V[rows] / step_A[rows])
+    return tuple(Edge(*values) for values in zip(*(c.tolist() for c in columns), strict=True))
 
 
 def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
@@ -124,8 +121,6 @@ class ExponentialFit(NamedTuple):
 class Relaxation(NamedTuple):
     """A rest after a current, and its fits."""
 
-    log_name: str
-    first: int
     soc: float
     before_A: float  #: the current before
     time_s: np.ndarray  #: (N,) since the start of the rest
@@ -174,8 +169,7 @@ def _relaxation(record: Record, soc: np.ndarray, rest: Phase) -> Relaxation | No
     time_s, voltage_V = time_s[used], record.log.voltage_V[rows[used]]
     before = next(p for p in reversed(record.phases) if p.last < rest.first)
     single, double = (fit_exponentials(time_s, voltage_V, pairs) for pairs in (1, 2))
-    name = record.log.name
-    return Relaxation(name, rest.first, float(soc[rest.first]), before.current_A, time_s, voltage_V, single, double)
+    return Relaxation(float(soc[rest.first]), before.current_A, time_s, voltage_V, single, double)
 
 
 def _apart(taus: Sequence[float]) -> bool:
@@ -293,13 +287,8 @@ _BEYOND_CURVE = 0.08
 MOST_OF_RANGE = 0.1
 
 
-def reproduces(battery: Battery) -> bool:
-    """True where the circuit of the battery reproduces every log that it was fitted to."""
-    model, origin = battery.thevenin, battery.identification
-    return origin is None or all(_within(fit, model.ocv) for fit in origin.logs)
-
-
-def _within(fit: LogFit, ocv: OcvCurve) -> bool:
+def is_reproduced(fit: LogFit, ocv: OcvCurve) -> bool:
+    """True where the voltage of a circuit with this curve is close enough to that of the log."""
     return fit.residual_rms_V <= MOST_OF_RANGE * _range_V(ocv)
 
 
@@ -309,7 +298,7 @@ def _range_V(ocv: OcvCurve) -> float:
 
 def fit_notes(logs: Sequence[LogDetails], fits: Sequence[LogFit], ocv: OcvCurve) -> tuple[Note, ...]:
     """A warning for each log that the circuit does not reproduce, and where gassing was left out."""
-    misfits = (_misfit(fit, ocv) for fit in fits if not _within(fit, ocv))
+    misfits = (_misfit(fit, ocv) for fit in fits if not is_reproduced(fit, ocv))
     return (*(_gassing(log) for log in logs if log.gassing_share > 0.0), *misfits)
 
 

@@ -8,12 +8,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, settled_ends
-from ohmward.battery.models.ocv import OcvCurve, monotone
+from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.optional import require
 
-OCV_GRID = np.linspace(0.0, 1.0, 201)
 #: Branches whose temperatures differ by less belong together.
 SAME_TEMPERATURE_K = 5.0
 #: Smallest shares of the capacity: of a complete branch, of one that also ends at a voltage limit, of one that is used.
@@ -104,11 +103,6 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
         temperature_V_per_K=tuple(_temperature_slope({degC: mean for degC, (mean, _) in curves.items()})),
         reference_degC=nearest,
     )
-
-
-def branch_notes(branches: Sequence[OcvBranch], capacity_Ah: float) -> tuple[Note, ...]:
-    """Notes on the SoC axis of each branch, warnings where its charge is not the given capacity."""
-    return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
 
 
 def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
@@ -250,7 +244,8 @@ def _temperature_slope(curves: dict[float, np.ndarray]) -> np.ndarray:
     return smooth(centred @ np.array(list(curves.values())) / (centred @ centred))
 
 
-def _branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
+def branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
+    """Note on the SoC axis of a branch, a warning where its charge is not the given capacity."""
     what = f"low-rate {branch.direction} in {branch.log_name!r} at {abs(branch.current_A):.3g} A"
     if not branch.complete:
         return Note(f"{what} covers SoC {branch.soc.min():.3f} to {branch.soc.max():.3f}")
@@ -275,11 +270,10 @@ _LARGEST_DROP = 0.1
 class RestPoint(NamedTuple):
     """Voltage at the end of a rest."""
 
-    log_name: str
-    sample: int  #: index of the last sample of the rest; soc at it; voltage_V there; duration_s of the rest
+    #: at the last sample of the rest
     soc: float
     voltage_V: float
-    duration_s: float
+    duration_s: float  #: of the rest
 
 
 def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
@@ -288,8 +282,7 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
     soc: (T,) state of charge along the record.
     """
     return tuple(
-        RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
-        for p, at in settled_ends(record)
+        RestPoint(float(soc[at]), float(record.log.voltage_V[at]), p.duration_s) for p, at in settled_ends(record)
     )
 
 

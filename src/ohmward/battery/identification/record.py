@@ -44,11 +44,6 @@ class ChargeIntegral(NamedTuple):
         """(T,) charge since the first sample [Ah]."""
         return np.cumsum(self.moved_Ah)
 
-    def mean_current_A(self, time_s: np.ndarray) -> np.ndarray:
-        """(T,) mean current [A] of the interval that ends at each sample; the first is 0."""
-        dt_s = np.diff(time_s, prepend=time_s[0])
-        return SECONDS_PER_HOUR * self.moved_Ah / np.where(dt_s > 0, dt_s, 1.0)
-
 
 class Counter(NamedTuple):
     """A charge counter among the log's columns."""
@@ -286,7 +281,8 @@ def is_pulse(phase: Phase, capacity_Ah: float) -> bool:
 def kind_of_test(log: Log, charge: ChargeIntegral, phases: Sequence[Phase], capacity_Ah: float) -> Test:
     """Low-rate when most charge moved below C/15; pulses when at least 3 stand between rests; else dynamic."""
     moved_Ah = np.abs(charge.moved_Ah)
-    slow = np.abs(charge.mean_current_A(log.time_s)) < LOW_RATE * capacity_Ah
+    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
+    slow = SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0, dt_s, 1.0) < LOW_RATE * capacity_Ah
     if moved_Ah[slow].sum() > _LOW_RATE_SHARE * moved_Ah.sum():
         return "low-rate"
     varying_Ah = sum(moved_Ah[p.first : p.last + 1].sum() for p in phases if p.kind == "varying")

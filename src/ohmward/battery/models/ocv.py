@@ -27,6 +27,10 @@ from ohmward.checks import require_between, require_finite, require_length
 from ohmward.errors import InputError
 from ohmward.trace import clip, table
 
+#: Points of a curve that is made from tests, a table or a chemistry, and their grid of SoC.
+OCV_POINTS = 201
+OCV_GRID = np.linspace(0.0, 1.0, OCV_POINTS)
+
 
 def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """(N, K) weights of the values on the knots (K,) at x (N,)."""
