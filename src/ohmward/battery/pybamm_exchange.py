@@ -71,9 +71,8 @@ def to_pybamm(battery: Battery, soc: float = 1.0, temperature_degC: float = 25.0
             )
         ),
     }
-    pair_K = p.activation_K if p.pair_activation_K is None else p.pair_activation_K
     for j, (row, tau_s) in enumerate(zip(p.r_ohm, p.tau_s, strict=True), start=1):
-        values |= _pair(pybamm, p, j, row, tau_s, pair_K)
+        values |= _pair(pybamm, p, j, row, tau_s)
     return pybamm.ParameterValues(values)
 
 
@@ -101,11 +100,13 @@ def log_of_solution(solution: Any, name: str = "pybamm") -> Log:
     return Log(name, time_s, -columns[0], columns[1], temperature_degC=temperature)
 
 
-def _pair(pybamm: Any, p: Thevenin, j: int, row: tuple[float, ...], tau_s: float, pair_K: float) -> dict[str, Any]:
+def _pair(pybamm: Any, p: Thevenin, j: int, row: tuple[float, ...], tau_s: float) -> dict[str, Any]:
     """Values of the j-th RC element: its resistance, and the capacitance that gives its time constant."""
 
     def resistance(T: Any, i: Any, z: Any) -> Any:
-        return _arrhenius(pybamm, p, pair_K, T) * _along(pybamm, tuple(np.maximum(row, _LEAST_OHM)), z, f"R{j}")
+        return _arrhenius(pybamm, p, p.activation_of_pairs_K, T) * _along(
+            pybamm, tuple(np.maximum(row, _LEAST_OHM)), z, f"R{j}"
+        )
 
     def capacitance(T: Any, i: Any, z: Any) -> Any:
         return tau_s * _arrhenius(pybamm, p, p.tau_activation_K, T) / resistance(T, i, z)

@@ -77,7 +77,7 @@ class AgeingLaws(NamedTuple):
     log_prior: np.ndarray  #: logarithm of their probability, up to a constant
 
     def age(self, days: np.ndarray, cycles: np.ndarray) -> np.ndarray:
-        """(H, n) ages after days (n,) and full cycles (n,) since the first log."""
+        """(H, n) ages after days and full cycles since the first log, (n,) or (H, n)."""
         by_time = np.asarray(days) / (DAYS_PER_YEAR * self.years[:, None])
         by_use = np.asarray(cycles) / self.cycles[:, None]
         return self.first_age[:, None] + by_time + by_use
@@ -311,9 +311,7 @@ def _loss_ahead(
     """(M, m) loss of each sampled law at the times ahead (m,), with a knee of its own."""
     use = np.exp(USE_AHEAD_STD * rng.standard_normal(len(laws.years)))
     per_day = now_cycles / now_days if now_days > 0.0 else 0.0
-    by_time = (now_days + ahead) / (DAYS_PER_YEAR * laws.years[:, None])
-    by_use = (now_cycles + per_day * use[:, None] * ahead) / laws.cycles[:, None]
-    age = laws.first_age[:, None] + by_time + by_use
+    age = laws.age(now_days + ahead, now_cycles + per_day * use[:, None] * ahead)
     knee = np.maximum(_KNEE_AGE * np.exp(_KNEE_AGE_STD * rng.standard_normal(len(use))), age[:, 0])
     steeper = _KNEE_STEEPER * WORN_LOSS * np.maximum(age - knee[:, None], 0.0)
     return WORN_LOSS * age ** laws.shape[:, None] + steeper

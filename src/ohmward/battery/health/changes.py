@@ -73,7 +73,8 @@ def find_change(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange |
         return None
     at, capacity = found
     days = float(fit.track.days[at])
-    resistance = _step_between(points, at)
+    before, after = _mean_resistance(points[max(at - 5, 0) : at]), _mean_resistance(points[at : at + 5])
+    resistance = Normal(after.mean - before.mean, math.hypot(before.std, after.std))
     cause = _cause(capacity, resistance, points, at)
     return SuddenChange(points[at - 1].log, points[at].log, days, capacity, resistance, cause)
 
@@ -111,12 +112,6 @@ def _most_evident(fit: AgeingFit) -> tuple[int, Normal] | None:
     if evidence[k] < _LOG_ODDS + math.log(n) or abs(size.mean) < LEAST_LASTING_STEP:
         return None
     return k + 1, size
-
-
-def _step_between(points: Sequence[HealthPoint], at: int) -> Normal:
-    """Change of ln R from the logs just before to those just after."""
-    before, after = _mean_resistance(points[max(at - 5, 0) : at]), _mean_resistance(points[at : at + 5])
-    return Normal(after.mean - before.mean, math.hypot(before.std, after.std))
 
 
 def _mean_resistance(points: Sequence[HealthPoint]) -> Normal:

@@ -185,20 +185,16 @@ class UsedCapacity(NamedTuple):
 def used_capacities(updates: Sequence[LogUpdate]) -> list[UsedCapacity]:
     """Capacity of a discharge after each update."""
     found = []
-    latest = None
+    latest: FullDischarge | None = None
     for update in updates:
-        latest = _next(latest, update)
+        if latest is None:
+            whole = update.soc_min < _EMPTIED_BELOW
+        else:
+            whole = update.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
+        if whole:
+            latest = FullDischarge(update.log, max(update.soc_min, 0.0), _as_counted(update))
         found.append(UsedCapacity(latest, update.capacity_Ah if latest is None else _of_next(latest)))
     return found
-
-
-def _next(latest: FullDischarge | None, update: LogUpdate) -> FullDischarge | None:
-    """The latest full discharge after one more update."""
-    if latest is None:
-        whole = update.soc_min < _EMPTIED_BELOW
-    else:
-        whole = update.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
-    return FullDischarge(update.log, max(update.soc_min, 0.0), _as_counted(update)) if whole else latest
 
 
 def _as_counted(update: LogUpdate) -> Normal:

@@ -22,38 +22,34 @@ from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import chemistry, generic_battery
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import forgotten
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
-from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS, AnchorRule
-from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors
+from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS
+from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors, rule_of
 from ohmward.logs.log import Log
 
 #: A full end was lowered by more than 7 % of SoC, twice the error of a label's curve there. It is raised by no less
 #: than this factor: a full battery at rest lies some 30 mV below its charger.
 _LEAST_RAISE = 1.05
-#: Fewest points of the curve.
-_LEAST_CURVE_POINTS = 201
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     """The battery that is full where its charger stops in this log; unchanged where its full end is known."""
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
-    rule = AnchorRule(battery.thevenin, battery.noise, battery.sensor)
+    rule = rule_of(battery)
     if battery.knowledge is not None and any(log.anchors for log in battery.learnt_logs):
-        highest_V = max(
-            (float(rule.relaxed_V(a.voltage_V, _input(a))) for a in _full_charges(log, battery)), default=0.0
-        )
-        return raised_to(battery, highest_V)
+        if not _was_lowered(battery):
+            return battery
+        full = [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.source == VOLTAGE]
+        return raised_to(battery, max((float(rule.relaxed_V(a.voltage_V, _input(a))) for a in full), default=0.0))
     limit_V = charger_limit_V(log, battery)
     return battery if limit_V is None else with_full_at(battery, float(rule.soc_at(limit_V)))
 
 
 def raised_to(battery: Battery, full_V: float) -> Battery:
     """The battery that is full at this higher voltage, with the errors of a label; unchanged where it is no higher."""
-    if not _was_lowered(battery):
-        return battery
     before_soc = _soc_of_chemistry(battery, battery.thevenin.ocv.voltage_V[-1])
     longer = _soc_of_chemistry(battery, full_V) / before_soc
     if longer < _LEAST_RAISE:
@@ -77,7 +73,7 @@ def with_full_at(battery: Battery, soc: float) -> Battery:
     if knowledge is not None:
         capacity_Ah = battery.capacity_Ah * soc
         knowledge = replace(knowledge, seen_from_soc=min(knowledge.seen_from_soc / soc, 1.0))
-    inside = soc * np.linspace(0.0, 1.0, max(len(model.ocv.voltage_V), _LEAST_CURVE_POINTS))
+    inside = soc * np.linspace(0.0, 1.0, max(len(model.ocv.voltage_V), OCV_POINTS))
     voltage_V = np.asarray(model.ocv.mean_V(inside, model.ocv.reference_degC))
     stretched = replace(model, ocv=model.ocv.corrected(voltage_V, soc=inside), capacity_Ah=capacity_Ah)
     wider = replace(
@@ -93,21 +89,13 @@ def _with_model(battery: Battery, model: Thevenin) -> Battery:
     return replace(battery, capacity_Ah=model.capacity_Ah, thevenin=model)
 
 
-def _full_charges(log: Log, battery: Battery) -> list[Anchor]:
-    """The full charges that the voltage shows, of a battery whose full end may have been higher; else none."""
-    if not _was_lowered(battery):
-        return []
-    return [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.source == VOLTAGE]
-
-
 def _was_lowered(battery: Battery) -> bool:
     """True where the full end lies below the chemistry's by more than the error of a label; never on a flat curve."""
     if not battery.chemistry:
         return False
     label = generic_battery(battery.chemistry, battery.capacity_Ah, battery.n_series)
-    rule = AnchorRule(label.thevenin, label.noise, label.sensor)
     degC = label.thevenin.reference_degC
-    still = rule.at_rest(battery.thevenin.ocv.voltage_V[-1], CircuitInput(0.0, degC))
+    still = rule_of(label).at_rest(battery.thevenin.ocv.voltage_V[-1], CircuitInput(0.0, degC))
     return bool(1.0 - still.soc > max(BEYOND_SIGMAS * still.std, 1.0 - 1.0 / _LEAST_RAISE))
 
 
@@ -124,7 +112,7 @@ def _soc_of_chemistry(battery: Battery, voltage_V: float) -> float:
 def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
     """The curve of the file up to its full end, and that of the chemistry from there on."""
     ocv = battery.thevenin.ocv
-    soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _LEAST_CURVE_POINTS)), ocv.reference_degC
+    soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), OCV_POINTS)), ocv.reference_degC
     beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
     inside = np.minimum(soc, 1.0)
     voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(inside, degC))

@@ -22,7 +22,7 @@ from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_pri
 from ohmward.battery.learning.parameters import mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve, hat, slip_shape
+from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve, hat, slip_shape
 from ohmward.battery.models.thevenin import (
     RESISTANCE_KNOTS,
     CircuitInput,
@@ -172,7 +172,7 @@ def folded_model(curve: OpenCircuit) -> Thevenin:
 def folded_curve(curve: OpenCircuit) -> OcvCurve:
     """The open-circuit curve with the corrections applied, as far as they leave it rising."""
     ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
-    soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
+    soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), OCV_POINTS))
     voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
     entropy = theta[p.group("entropy")]
     more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0

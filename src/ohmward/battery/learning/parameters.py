@@ -168,7 +168,7 @@ class _Prior(NamedTuple):
 
     @property
     def ocv(self) -> np.ndarray:
-        std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
+        std_V = np.asarray(self.noise.model_std_at(OCV_KNOTS))
         curve = np.outer(std_V, std_V) * correlation(OCV_KNOTS, self.noise.model_soc_length)
         whole_std = self.noise.soc_axis_std
         full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _MOST_FULL_STD)

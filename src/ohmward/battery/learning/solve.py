@@ -130,7 +130,7 @@ class _PartProblem:
     def about(self, x: np.ndarray, misfit: float) -> PartRows:
         """The rows about the unknowns x (n,); misfit: factor on the variance of the voltages."""
         p, white_V = self.model.predict(x), self.model.battery.noise.voltage_std_V
-        share = np.minimum(self.model.share_at(p.soc), _LARGEST_SHARE)
+        share = np.minimum(self.model.battery.noise.overpotential_share_at(p.soc), _LARGEST_SHARE)
         slope_V = p.voltage_columns[:, self.model.unknowns.group("start soc").start]
         variance_V2 = voltage_variance(white_V, share, p.over_V2, slope_V)
         residual_V = self.measured_V - p.voltage_V

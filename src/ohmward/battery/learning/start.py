@@ -126,7 +126,7 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
     over_V = p.voltage_V - np.asarray(ocv.mean_V(p.soc, degC))
     group = model.parameters.group("ocv")
     prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_CURVE_V2 * np.eye(OCV_KNOTS.size))
-    share = model.share_at(p.soc) + noise.resistance_std
+    share = noise.overpotential_share_at(p.soc) + noise.resistance_std
     counts = min(1.0, model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s) / max(p.soc.size, 1))
     costs, everywhere_soc = [], p.charge.soc
     for start in _GRID:

@@ -223,12 +223,6 @@ class VoltageModel:
         """Indices of the first sample of each segment, the start of the part and after every gap."""
         return np.concatenate([[0], self.samples.gaps]).astype(int)
 
-    def share_at(self, soc: np.ndarray) -> np.ndarray:
-        """Relative error of the overpotential at these states of charge."""
-        share = self.battery.noise.overpotential_share
-        along = share if isinstance(share, tuple) else (share, share)
-        return np.interp(soc, np.linspace(0.0, 1.0, len(along)), along)
-
     def predict(self, x: np.ndarray) -> VoltagePrediction:
         """Voltage in the rows with the unknowns x (K + M,), and its derivatives."""
         K, rows = self.parameters.size, self.rows

@@ -149,7 +149,7 @@ class BatteryNoise:
         """Relative error of the capacity of a battery whose resistances are known."""
         return self.capacity_std * math.sqrt(1.0 - self.ageing_correlation**2)
 
-    def model_std_at(self, soc: Scalar) -> Scalar:
+    def model_std_at(self, soc: Any) -> Any:
         """Standard deviation of the model's voltage error [V] at this SoC."""
         return on_soc_grid(self.model_std_V, soc)
 
@@ -169,7 +169,7 @@ class BatteryNoise:
             return 0.0
         return self.voltage_gain_std * p.ocv.mean_V(soc, u.temperature_degC)
 
-    def overpotential_share_at(self, soc: Scalar) -> Scalar:
+    def overpotential_share_at(self, soc: Any) -> Any:
         """Relative error of the overpotential at this SoC."""
         share = self.overpotential_share
         return on_soc_grid(share, soc) if isinstance(share, tuple) else share

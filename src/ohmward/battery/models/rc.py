@@ -232,8 +232,7 @@ def step_response_ohm(model: Thevenin, soc: np.ndarray, time_s: np.ndarray) -> n
 def mean_activation_K(model: Thevenin) -> float:
     """Activation of all resistances together: the mean of R_0's and the pairs', weighted by their resistances."""
     r0, r1 = float(np.mean(model.r0_discharge_ohm)), float(sum(map(np.mean, model.r_ohm)))
-    own_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
-    return (r0 * model.activation_K + r1 * own_K) / max(r0 + r1, 1e-12)
+    return (r0 * model.activation_K + r1 * model.activation_of_pairs_K) / max(r0 + r1, 1e-12)
 
 
 def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> Circuit:

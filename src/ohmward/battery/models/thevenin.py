@@ -161,6 +161,11 @@ class Thevenin:
         """Capacity in ampere seconds."""
         return SECONDS_PER_HOUR * self.capacity_Ah
 
+    @property
+    def activation_of_pairs_K(self) -> float:
+        """Activation temperature of the RC resistances."""
+        return self.activation_K if self.pair_activation_K is None else self.pair_activation_K
+
     @cached_property
     def largest_ohm(self) -> float:
         """Resistance to a lasting current [ohm] at the reference temperature, each part where it is largest."""
@@ -173,8 +178,7 @@ class Thevenin:
 
     def pair_arrhenius_factor(self, temperature_degC: Any) -> Any:
         """Factor of the resistances of the RC pairs at a temperature, 1 at the reference."""
-        own_K = self.activation_K if self.pair_activation_K is None else self.pair_activation_K
-        return arrhenius_factor(temperature_degC, own_K, self.reference_degC)
+        return arrhenius_factor(temperature_degC, self.activation_of_pairs_K, self.reference_degC)
 
     def emptying_factor(self, soc: Any, temperature_degC: Any) -> Any:
         """Further factor of the resistances of the RC pairs, 1 at the reference and above `EMPTYING_SOC`."""
@@ -289,8 +293,7 @@ class Corrections(NamedTuple):
 
     def made(self, p: Thevenin) -> Thevenin:
         """The circuit with the corrections applied; its open-circuit curve is unchanged."""
-        ohmic, pair_K = np.asarray(self.ohmic), p.activation_K if p.pair_activation_K is None else p.pair_activation_K
-        pairs, knots = np.asarray(self.pair), RESISTANCE_KNOTS.size
+        ohmic, pairs, knots = np.asarray(self.ohmic), np.asarray(self.pair), RESISTANCE_KNOTS.size
         ohmic_K, more_pair_K = self.activation if len(self.activation) else (0.0, 0.0)
         return replace(
             p,
@@ -300,7 +303,7 @@ class Corrections(NamedTuple):
             tau_s=_apart([tau / ratio for tau, ratio in zip(p.tau_s, self.rate_ratios(p), strict=True)]),
             coulombic_efficiency=min(float(p.coulombic_efficiency * self.efficiency_ratio), 1.0),
             activation_K=float(p.activation_K + ohmic_K),
-            pair_activation_K=float(pair_K + more_pair_K),
+            pair_activation_K=float(p.activation_of_pairs_K + more_pair_K),
             empty_activation_K=float(p.empty_activation_K + np.sum(self.empty_activation)),
         )
 
