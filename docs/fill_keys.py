@@ -65,7 +65,7 @@ def _tables(
     file: TomlFile[Any], record: type, path: str, places: dict[tuple[str, str, str], str], kind: str | None = None
 ) -> Iterator[str]:
     """Lines on the table of a record, then on those in it; `places` has where each key of the file stands first."""
-    hints, said = get_type_hints(record), _meanings(record)
+    hints, said = get_type_hints(record), field_comments(record)
     title = (path or "At the head") + (f", kind `{kind}`" if kind else "")
     rows, repeated, inner = [], defaultdict[str, list[str]](list), []
     for field in dataclasses.fields(record):
@@ -94,14 +94,6 @@ def _merged(rows: list[tuple[str, str, str]]) -> Iterator[str]:
     for meaning, group in groupby(rows, key=lambda row: row[2]):
         keys, defaults, _ = zip(*group, strict=True)
         yield f"- {', '.join(keys)} ({', '.join(dict.fromkeys(defaults))}): {meaning}"
-
-
-def _meanings(record: type) -> dict[str, str]:
-    """Field -> meaning, of a record and of those that it is made from."""
-    found: dict[str, str] = {}
-    for cls in reversed(record.__mro__):
-        found |= field_comments(cls) if dataclasses.is_dataclass(cls) else {}
-    return found
 
 
 def _is_list(hint: Any) -> bool:

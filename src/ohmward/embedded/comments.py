@@ -43,8 +43,11 @@ def member_comments(structure: Structure) -> dict[str, str]:
 
 
 def field_comments(cls: type) -> dict[str, str]:
-    """Field -> text, for the fields of a record that have one."""
-    found = _listed(cls) | dict(_beside_fields(cls))
+    """Field -> text, for the fields of a record, and of those that it is made from, that have one."""
+    found: dict[str, str] = {}
+    for part in reversed(cls.__mro__):
+        if inspect.get_annotations(part):
+            found |= _listed(part) | dict(_beside_fields(part))
     return {name: _safe(text) for name, text in found.items()}
 
 

@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.checks import require_finite, require_positive
+from ohmward.checks import require_each_positive, require_finite, require_positive
 from ohmward.errors import InputError
 
 #: The motion of a body in the plane: forward and leftward speed [m/s], yaw rate [rad/s].
@@ -51,13 +51,37 @@ class Chassis(Protocol):
 
 
 @dataclass(frozen=True)
-class Differential:
-    """Four wheels, the front pair or all of them driven, as in [T]: no sideways motion, no resistance to turning."""
+class Rectangle:
+    """Four wheels at the corners of a rectangle."""
 
-    #: L_f and L_r, distances of front and rear axle from the centre of gravity, > 0
+    #: distances of front and rear axle from the centre of gravity, > 0
     front_m: float
     rear_m: float
-    track_m: float  #: b, distance between left and right wheels, > 0
+    track_m: float  #: distance between left and right wheels, > 0
+
+    def __post_init__(self) -> None:
+        require_each_positive("chassis.", self, "front_m", "rear_m", "track_m")
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Distance between the axles."""
+        return self.front_m + self.rear_m
+
+    def corners(self, all_driven: bool) -> tuple[Place, ...]:
+        """Front left, front right, rear left, rear right; the front ones are driven."""
+        half = self.track_m / 2
+        return (
+            Place("front_left", self.front_m, half),
+            Place("front_right", self.front_m, -half),
+            Place("rear_left", -self.rear_m, half, driven=all_driven),
+            Place("rear_right", -self.rear_m, -half, driven=all_driven),
+        )
+
+
+@dataclass(frozen=True)
+class Differential(Rectangle):
+    """Four wheels, the front pair or all of them driven, as in [T]: no sideways motion, no resistance to turning."""
+
     driven: str = "front"  #: "front" or "all"
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
@@ -65,29 +89,20 @@ class Differential:
     rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        _check_rectangle(self.front_m, self.rear_m, self.track_m)
+        super().__post_init__()
         if self.driven not in ("front", "all"):
             raise InputError(f'chassis.driven must be "front" or "all", got {self.driven!r}')
 
     @property
-    def wheelbase_m(self) -> float:
-        """Distance between the axles."""
-        return self.front_m + self.rear_m
-
-    @property
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
-        return _rectangle(self.front_m, self.rear_m, self.track_m, self.driven == "all")
+        return self.corners(self.driven == "all")
 
 
 @dataclass(frozen=True)
-class SkidSteer:
+class SkidSteer(Rectangle):
     """Four fixed, driven wheels: to turn, the robot drags them sideways."""
 
-    #: distances of front and rear axle from the centre of gravity, > 0
-    front_m: float
-    rear_m: float
-    track_m: float  #: distance between left and right wheels, > 0
     #: speed difference between the two sides over the yaw rate: the distance between the instantaneous centres of
     #: rotation of left and right wheels (Mandow et al. 2007), > 0. `ohmward calibrate` finds it; divided by `track_m`
     #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`
@@ -98,7 +113,7 @@ class SkidSteer:
     rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        _check_rectangle(self.front_m, self.rear_m, self.track_m)
+        super().__post_init__()
         if self.effective_track_m is not None:
             require_positive("chassis.effective_track_m", self.effective_track_m)
 
@@ -108,14 +123,9 @@ class SkidSteer:
         return self.effective_track_m or self.track_m
 
     @property
-    def wheelbase_m(self) -> float:
-        """Distance between the axles."""
-        return self.front_m + self.rear_m
-
-    @property
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
-        return _rectangle(self.front_m, self.rear_m, self.track_m, True)
+        return self.corners(all_driven=True)
 
 
 @dataclass(frozen=True)
@@ -181,7 +191,7 @@ class Omni:
 
 
 @dataclass(frozen=True)
-class Mecanum:
+class Mecanum(Rectangle):
     """Four driven wheels with rollers at 45 degrees, which form an X as seen from above.
 
     Such a wheel pushes along the axis of the roller that it stands on and moves freely across it: it acts as an
@@ -189,29 +199,16 @@ class Mecanum:
     that smaller radius.
     """
 
-    #: distances of front and rear axle from the centre of gravity, > 0
-    front_m: float
-    rear_m: float
-    track_m: float  #: distance between left and right wheels, > 0
-
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
     scrubs: ClassVar[bool] = False
     rollers: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        _check_rectangle(self.front_m, self.rear_m, self.track_m)
-
-    @property
-    def wheelbase_m(self) -> float:
-        """Distance between the axles."""
-        return self.front_m + self.rear_m
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
         return tuple(
             place._replace(heading_rad=-math.copysign(math.pi / 4, place.x_m * place.y_m))
-            for place in _rectangle(self.front_m, self.rear_m, self.track_m, True)
+            for place in self.corners(all_driven=True)
         )
 
 
@@ -244,18 +241,3 @@ def _row(x: float, y: float, heading: float) -> tuple[float, float, float]:
 
 def _free_columns(planar: np.ndarray, chassis: Chassis) -> np.ndarray:
     return planar[:, [PLANAR.index(name) for name in chassis.freedoms]]
-
-
-def _rectangle(front_m: float, rear_m: float, track_m: float, all_driven: bool) -> tuple[Place, ...]:
-    half = track_m / 2
-    return (
-        Place("front_left", front_m, half),
-        Place("front_right", front_m, -half),
-        Place("rear_left", -rear_m, half, driven=all_driven),
-        Place("rear_right", -rear_m, -half, driven=all_driven),
-    )
-
-
-def _check_rectangle(front_m: float, rear_m: float, track_m: float) -> None:
-    for name, value in (("front_m", front_m), ("rear_m", rear_m), ("track_m", track_m)):
-        require_positive(f"chassis.{name}", value)

@@ -22,6 +22,7 @@ from ohmward.traction.robot.chassis import (
     Mecanum,
     Omni,
     Place,
+    Rectangle,
     SkidSteer,
     TwoWheeled,
     load_matrix,
@@ -156,9 +157,7 @@ class Robot(RichDisplay):
                         f"chassis: wheels {b.name} and {a.name} stand {gap:g} m apart, less than wheel.width_m = "
                         f"{self.wheel.width_m:g}; correct the geometry (metres, not millimetres?)"
                     )
-        if not isinstance(self.chassis, Differential | SkidSteer | Mecanum):
-            return
-        if 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
+        if isinstance(self.chassis, Rectangle) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
             raise InputError(
                 f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
                 f"wheels overlap; got {self.wheel.radius_m:g}"
