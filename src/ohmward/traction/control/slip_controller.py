@@ -65,11 +65,12 @@ class SlipController:
         """State after the step, torque [N m] to hold for the next `dt_s`, and report."""
         dt_s = plausible_step_s(dt_s)
         estimate = self.force_filter.update(state.estimate, state.torque_Nm, measurement, self.wheel, dt_s)
-        direction = self.direction(command, estimate)
+        rim = self.wheel.radius_m * estimate.wheel_speed_rad_s
+        direction = direction_of(command, rim, estimate.travel_speed_m_s)
         target, rate_per_s = self.target(state, command, dt_s)
         motion = self.motion(estimate, direction, target, rate_per_s, dt_s, state.torque_Nm)
         known = estimate.known > 0.5
-        stopped = self.stopped(command, estimate)
+        stopped = has_stopped(command, rim, estimate.travel_speed_m_s, self.stop_m_s)
         valid = is_slip(command)
         acting = known & logical_not(stopped) & valid
 
@@ -97,17 +98,6 @@ class SlipController:
         memory = choose(acting, memory, fresh)
         return SlipState(estimate, memory, torque, where(acting, target, 0.0), direction, limited_s), torque, report
 
-    def direction(self, command: SlipCommand, estimate: WheelEstimate) -> Any:
-        """1 forward, -1 reverse: the commanded direction when driving, that of travel when braking."""
-        rim = self.wheel.radius_m * estimate.wheel_speed_rad_s
-        commanded = where(command.direction >= 0, 1.0, -1.0)
-        return where(command.slip_ratio < 0, travel_direction(rim, estimate.travel_speed_m_s), commanded)
-
-    def stopped(self, command: SlipCommand, estimate: WheelEstimate) -> Any:
-        """True where the robot brakes and is too slow to brake any further."""
-        rim = abs(self.wheel.radius_m * estimate.wheel_speed_rad_s)
-        return (command.slip_ratio < 0) & (maximum(rim, abs(estimate.travel_speed_m_s)) < self.stop_m_s)
-
     def target(self, state: SlipState, command: SlipCommand, dt_s: Any) -> tuple[Any, Any]:
         """Slip ratio to hold in this step, on a ramp towards the command, and its rate [1/s]."""
         commanded = where(is_slip(command), command.slip_ratio, 0.0)
@@ -131,6 +121,17 @@ class SlipController:
             launch=where(target > 0, self.launch, 1.0),
             torque_before_Nm=direction * torque_before_Nm,
         )
+
+
+def direction_of(command: SlipCommand, rim_m_s: Any, travel_m_s: Any) -> Any:
+    """1 forward, -1 reverse: the commanded direction when driving, that of travel when braking."""
+    commanded = where(command.direction >= 0, 1.0, -1.0)
+    return where(command.slip_ratio < 0, travel_direction(rim_m_s, travel_m_s), commanded)
+
+
+def has_stopped(command: SlipCommand, rim_m_s: Any, travel_m_s: Any, stop_m_s: float) -> Any:
+    """True where the robot brakes and is too slow to brake any further."""
+    return (command.slip_ratio < 0) & (maximum(abs(rim_m_s), abs(travel_m_s)) < stop_m_s)
 
 
 def is_slip(command: SlipCommand) -> Any:

@@ -17,9 +17,9 @@ from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
-from ohmward.traction.control.slip_controller import is_slip
+from ohmward.traction.control.slip_controller import direction_of, has_stopped, is_slip
 from ohmward.traction.control.slip_law import surface
-from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
+from ohmward.traction.dynamics.slip import driving_slip_ratio
 
 
 class CascadeState(NamedTuple):
@@ -59,11 +59,10 @@ class WheelSpeedCascade:
         rim, v = r * estimate.wheel_speed_rad_s, estimate.travel_speed_m_s
         known = estimate.known > 0.5
         valid = is_slip(command)
-        stopped = (command.slip_ratio < 0) & (maximum(abs(rim), abs(v)) < self.stop_m_s)
+        stopped = has_stopped(command, rim, v, self.stop_m_s)
         acting = known & valid & logical_not(stopped)
 
-        commanded = where(command.direction >= 0, 1.0, -1.0)
-        direction = where(command.slip_ratio < 0, travel_direction(rim, v), commanded)
+        direction = direction_of(command, rim, v)
         ahead = direction * (v + estimate.acceleration_m_s2 * self.lead_s)
         target = where(valid, command.slip_ratio, 0.0)
         demanded = where(acting, direction * rim_speed_m_s(ahead, target, self.floor_m_s) / r, 0.0)
