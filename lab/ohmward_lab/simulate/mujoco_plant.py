@@ -31,7 +31,7 @@ from ohmward.checks import (
 )
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.traction.dynamics.slip import slip_ratio, slip_speed
+from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.robot.robot import GRAVITY
@@ -417,7 +417,7 @@ def _truth(d: Any, p: RlmaParameters, friction: np.ndarray, grade_rad: float) ->
         wheel_speed_rad_s=wheel_speed,
         torque_N_m=d.ctrl.copy(),
         wheel_centre_speed_m_s=centre_speed,
-        slip_speed_m_s=slip_speed(rolling, centre_speed),
+        slip_speed_m_s=rolling - centre_speed,
         slip_ratio=slip_ratio(rolling, centre_speed),
         traction_N=force @ forward,
         lateral_N=force @ left,

@@ -58,16 +58,14 @@ class TrueSlip(NamedTuple):
     rim_m_s: np.ndarray
 
 
-def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth, alarm: SlipAlarm | None = None) -> DriveScore:
+def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> DriveScore:
     """Score of estimates (T, ...) of this robot.
-
-    alarm: alarm settings of the observer, with the slip that is allowed.
 
     Raises:
         InputError: shapes differ.
     """
     _check(estimates, truth)
-    slip, alarm = true_slip(robot, estimates, truth), alarm or SlipAlarm()
+    slip, alarm = true_slip(robot, estimates, truth), SlipAlarm()
     speed_error = estimates.speed_m_s - truth.speed_m_s
     slip_error = estimates.slip_speed_m_s - slip.speed_m_s
     allowed = alarm.allowed_m_s + alarm.allowed_ratio * np.abs(slip.rim_m_s)

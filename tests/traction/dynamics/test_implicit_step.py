@@ -165,12 +165,6 @@ def test_no_time_no_change():
     assert result.energy.numerical == 0.0
 
 
-def test_substeps_are_shorter_steps():
-    x, u = np.array([0.3, 0.1, 4.0, 1.0]), RobotInput(np.array([3.0, 1.0]))
-    halves = next_state(next_state(x, u, P, 0.005), u, P, 0.005)
-    np.testing.assert_array_equal(next_state(x, u, P, 0.01, substeps=2), halves)
-
-
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_with_floats_it_is_the_compiled_step(robot):
     x = np.linspace(0.1, 0.4, len(ROBOTS[robot].state_names))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_speed, travel_direction
+from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, travel_direction
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,6 @@ from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_
 )
 def test_the_ratio_by_hand(rim, travel, ratio):
     assert slip_ratio(rim, travel) == pytest.approx(ratio, abs=1e-15)
-    assert slip_speed(rim, travel) == pytest.approx(ratio * max(abs(rim), abs(travel)), abs=1e-15)
 
 
 @pytest.mark.parametrize("rim, travel", [(1.0, 0.88), (0.82, 1.0), (0.3, 0.29)])

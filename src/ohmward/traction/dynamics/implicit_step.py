@@ -70,11 +70,9 @@ class Step(NamedTuple):
     defect_m_s: Any
 
 
-def next_state(x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method = ALEXANDER, substeps: int = 1) -> Any:
+def next_state(x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method = ALEXANDER) -> np.ndarray:
     """State after `dt_s` of constant input, (n,)."""
-    for _ in range(substeps):
-        x = step(x, u, p, dt_s / substeps, method).state
-    return x
+    return step(x, u, p, dt_s, method).state
 
 
 def step(

@@ -16,21 +16,16 @@ from ohmward.trace import maximum, where
 REPORT_FLOOR = 0.02
 
 
-def slip_speed(rim_speed_m_s: Any, travel_speed_m_s: Any) -> Any:
-    """Speed [m/s] of the rim over the ground."""
-    return rim_speed_m_s - travel_speed_m_s
-
-
 def slip_ratio(rim_speed_m_s: Any, travel_speed_m_s: Any, floor_m_s: float = REPORT_FLOOR) -> Any:
     """Slip speed over the larger of the two speeds; nan where both are below the floor."""
     speed = maximum(abs(rim_speed_m_s), abs(travel_speed_m_s))
-    ratio = slip_speed(rim_speed_m_s, travel_speed_m_s) / maximum(speed, floor_m_s)
+    ratio = (rim_speed_m_s - travel_speed_m_s) / maximum(speed, floor_m_s)
     return where(speed < floor_m_s, np.nan, ratio)
 
 
-def driving_slip_ratio(rim_speed_m_s: Any, travel_speed_m_s: Any, floor_m_s: float = REPORT_FLOOR) -> Any:
+def driving_slip_ratio(rim_speed_m_s: Any, travel_speed_m_s: Any) -> Any:
     """The slip ratio, positive driving and negative braking in reverse too."""
-    return travel_direction(rim_speed_m_s, travel_speed_m_s) * slip_ratio(rim_speed_m_s, travel_speed_m_s, floor_m_s)
+    return travel_direction(rim_speed_m_s, travel_speed_m_s) * slip_ratio(rim_speed_m_s, travel_speed_m_s)
 
 
 def travel_direction(rim_speed_m_s: Any, travel_speed_m_s: Any) -> Any:
