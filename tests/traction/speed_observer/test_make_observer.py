@@ -129,7 +129,7 @@ def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
 
 def test_the_currents_of_wheels_that_scrub_tell_no_force():
     states = chosen(drive(SKID), SKID).observer.states
-    assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+    assert (states.friction, states.stiffness, states.grade, states.radius) == (False, False, False, False)
 
 
 @pytest.mark.parametrize("name", ["ekf", "aukf"])
@@ -155,7 +155,7 @@ def test_without_motor_currents_nothing_is_learnt_of_the_ground_and_the_radius_i
     log = drive(currents=False)
     found = chosen(log, name="ekf")
     states = found.observer.states
-    assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+    assert (states.friction, states.stiffness, states.grade, states.radius) == (False, False, False, False)
     assert any(note.level == "warning" and "no motor currents" in note.text for note in found.notes)
     estimates = observe(found.observer, log).estimates
     error = estimates.speed_m_s - (0.3 + 0.1 * np.sin(TIME))

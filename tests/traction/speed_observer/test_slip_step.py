@@ -87,9 +87,9 @@ def test_the_response_to_torque_is_the_derivative(current_A, omega):
 
 def test_friction_scales_the_height_and_stiffness_the_slope():
     place = SCENES["front-driven"]
-    layout = StateLayout(place.robot, States(friction="each", grade=False, rolling=False, radius=False))
+    layout = StateLayout(place.robot, States(grade=False, rolling=False, radius=False))
     load = np.full(4, 100.0)
-    weak = layout.split(np.array([0.0, 0.0, 0.0, 0.0, np.log(0.5), np.log(0.5), np.log(2.0)]))
+    weak = layout.split(np.array([0.0, 0.0, 0.0, 0.0, np.log(0.5), np.log(2.0)]))
     assert traction(np.full(2, 5.0), weak, load, place) == pytest.approx(35.0)
     assert traction_and_slope(np.zeros(2), weak, load, place)[1] == pytest.approx(2.0 * 100.0 * 0.7 * 20.0)
 

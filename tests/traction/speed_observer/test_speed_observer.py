@@ -209,5 +209,3 @@ def test_noise_and_states_that_are_refused():
         ObserverNoise(gyro_std_rad_s=0.0)
     with pytest.raises(InputError, match=r"noise.grade_walk must be >= 0"):
         ObserverNoise(grade_walk=-1.0)
-    with pytest.raises(InputError, match=r"states.friction must be one of known, one, each, got 'two'"):
-        States(friction="two")

@@ -37,7 +37,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ROCKS_M_S
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, History, change_since
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.encoders import SPIKE_S
+from ohmward.traction.speed_observer.encoders import SPIKE_S, friction_unknown
 from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
@@ -133,7 +133,7 @@ def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Mode
         return body
     nu = body.belief.mean[0]
     opened = widen(body.belief, 0, nu * nu)
-    lasts = 1.0 if model.states.friction == "known" else 1.0 / clip(clean.dt_s, LEAST_DIVISOR, 1.0)
+    lasts = 1.0 / clip(clean.dt_s, LEAST_DIVISOR, 1.0) if model.states.friction else 1.0
     belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2 * lasts, held)
     return body._replace(belief=belief, observable=some([body.observable, held]))
 
@@ -271,11 +271,7 @@ def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
         least_rad = nu_m_s / (GRAVITY * OPENED_S)
         variance = maximum(model.noise.grade_std_rad**2, least_rad**2)
         belief = widen(belief, model.layout.index("grade_rad"), variance)
-    if model.states.friction == "known":
-        return belief
-    for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
-        belief = widen(belief, i, model.noise.friction_std**2)
-    return belief
+    return friction_unknown(belief, model)
 
 
 def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
@@ -283,18 +279,16 @@ def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
 
     They keep their traction, so the friction ratio falls to that traction over the one they would have had.
     """
-    if model.states.friction == "known":
+    if not model.states.friction:
         return belief
     slipped, mean, cov = belief.mean.copy(), belief.mean.copy(), belief.cov.copy()
     slipped[0] = slipped[0] + nu_m_s
     most_N = model.traction_N(slipped)
     shares = model.traction_N(belief.mean) * most_N / maximum(most_N * most_N, TINY_N**2)
-    logs = [log(clip(share, LEAST_SHARE, 1.0)) for share in shares]
-    places = [model.layout.friction(k) for k in range(model.driven)]
-    for i in sorted(set(places)):
-        mean[i] = mean[i] + reduce(maximum, [x for x, place in zip(logs, places, strict=True) if place == i])
-        cov[i, :] = cov[:, i] = 0.0
-        cov[i, i] = SLIDING_STD**2
+    i = model.layout.index("log_friction")
+    mean[i] = mean[i] + reduce(maximum, [log(clip(share, LEAST_SHARE, 1.0)) for share in shares])
+    cov[i, :] = cov[:, i] = 0.0
+    cov[i, i] = SLIDING_STD**2
     return Belief(mean, cov)
 
 

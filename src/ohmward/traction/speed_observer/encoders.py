@@ -240,10 +240,14 @@ def released(free: FreeWheels, belief: Belief, clean: CleanSample, model: Model)
 
 def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> Belief:
     """The belief after a possible jump of driven wheel k, with its friction as uncertain as at first."""
-    belief = inflate(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
-    if model.states.friction == "known":
+    return friction_unknown(inflate(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s), model)
+
+
+def friction_unknown(belief: Belief, model: Model) -> Belief:
+    """The belief with the friction as uncertain as at first, if it is a state."""
+    if not model.states.friction:
         return belief
-    return widen(belief, model.layout.friction(k), model.noise.friction_std**2)
+    return widen(belief, model.layout.index("log_friction"), model.noise.friction_std**2)
 
 
 def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:

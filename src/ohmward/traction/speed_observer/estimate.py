@@ -218,7 +218,7 @@ def conclude(
         slip_ratio=np.array([slip_ratio(rim, travel) for rim, travel in rims]),
         traction_N=model.traction_N(x),
         friction_ratio=parts.friction,
-        friction_std=np.array([model.std_of(model.layout.friction_name(k), P) for k in range(model.driven)]),
+        friction_std=np.array([model.std_of("log_friction", P)] * model.driven),
         grade_rad=model.input(x, clean).grade_rad,
         grade_std_rad=grade_std(belief, clean, model),
         radius_ratio=parts.radius_ratio,

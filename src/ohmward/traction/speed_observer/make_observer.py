@@ -323,7 +323,7 @@ def states_of(noise: ObserverNoise, force: bool) -> States:
     added by `consider_radius`.
     """
     return States(
-        friction="one" if force else "known",
+        friction=force,
         stiffness=force,
         grade=force,
         radius=force and noise.speed_std_m_s is not None,

@@ -96,9 +96,8 @@ class Model:
     def gauss_markov(self, name: str) -> GaussMarkov:
         """Standard deviation and walk of a state of ground or sensors; 0 for one of the robot's own."""
         noise = self.noise
-        if name.startswith("log_friction"):
-            return GaussMarkov(noise.friction_std, noise.friction_walk)
         known = {
+            "log_friction": GaussMarkov(noise.friction_std, noise.friction_walk),
             "log_stiffness": GaussMarkov(noise.stiffness_std, noise.stiffness_walk),
             "grade_rad": GaussMarkov(noise.grade_std_rad, noise.grade_walk),
             "rolling_excess": GaussMarkov(noise.rolling_std, noise.rolling_walk),
@@ -209,7 +208,7 @@ class Model:
         seems to measure a speed that it does not. An error that lasts for T counts like white noise sqrt(2 T/dt) times
         as large.
         """
-        if self.states.friction == "known":
+        if not self.states.friction:
             return np.zeros_like(step.force_response)
         white = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(clean.modelled_s, LEAST_DIVISOR))
         std_N = step.nonlinear_N * (self.noise.curve_shape_std * white)

@@ -85,7 +85,7 @@ _TINY_N2 = 1e-12
 def is_ambiguous(model: Model) -> bool:
     """True if grip and slide look alike: all that they differ in is learnt, and no other sensor distinguishes them."""
     others = model.noise.pitch_std_rad, model.noise.speed_std_m_s, model.noise.passive_std_rad_s
-    return set(LEARNT) <= set(model.layout.names) and all(std is None for std in others)
+    return observes_grip(model) and all(std is None for std in others)
 
 
 def change_by_momentum(before: Belief, after: Belief, clean: CleanSample, model: Model) -> Scalar:
@@ -240,7 +240,7 @@ class Judgement(NamedTuple):
 
 def observes_grip(model: Model) -> bool:
     """True where the filter learns the ground from the forces of the wheels, and may mistake a slide for a slope."""
-    return set(LEARNT) - {"log_friction"} <= set(model.layout.names) and model.states.friction != "known"
+    return set(LEARNT) <= set(model.layout.names)
 
 
 def judge(

@@ -226,7 +226,7 @@ class SpeedObserver:
     @property
     def gyro_first(self) -> bool:
         """True if the ground is not estimated: the gyro gives turns first, and what wheels add is slip."""
-        return self.states.friction == "known"
+        return not self.states.friction
 
     def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""

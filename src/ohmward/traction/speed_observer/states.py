@@ -1,7 +1,7 @@
 """State vector of the speed observer.
 
     v, (v_left,) yaw_rate, omega_1 ... omega_n      of the robot, `Robot.state_names`
-    log_friction (one, or one for each wheel)       of the largest traction over the terrain's
+    log_friction                                    of the largest traction over the terrain's
     log_stiffness                                   of the slope of traction over slip, over the terrain's
     grade_rad                                       of the ground, with every other disturbance that acts like a slope
     rolling_excess                                  rolling resistance over the terrain's, less one
@@ -20,11 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_one_of
 from ohmward.trace import clip
 from ohmward.traction.robot.robot import Robot
-
-FRICTION = ("known", "one", "each")
 
 #: Bounds of the mean of a state: nothing real lies beyond, whatever a filter makes of its measurements. Ground gives
 #: between a hundredth and a hundred times the assumed value (wet ice to rubber is 30 times), rolling resistance never
@@ -44,19 +41,16 @@ BOUNDS: dict[str, tuple[float, float]] = {
 class States:
     """Optional states."""
 
-    friction: str = "one"  #: "known", "one" for all driven wheels, or "each"
+    friction: bool = True  #: the largest traction, of all driven wheels alike, is a state; without it, it is known
     stiffness: bool = True  #: the slope of traction over slip is a state
     grade: bool = True  #: the slope of the ground is a state; without it, it is the measured pitch, or level
     rolling: bool = True  #: the rolling resistance is a state
     radius: bool = True  #: the effective radius is a state
     accelerometer_offset: bool = False  #: of the accelerometer along x
 
-    def __post_init__(self) -> None:
-        require_one_of("states.friction", self.friction, FRICTION)
-
 
 #: The four states of [T] 4.5 on a robot with two driven wheels: the ground is known.
-KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, rolling=False, radius=False)
+KNOWN_GROUND = States(friction=False, stiffness=False, grade=False, rolling=False, radius=False)
 
 
 class Parts(NamedTuple):
@@ -85,20 +79,14 @@ class StateLayout:
     def names(self) -> tuple[str, ...]:
         """Names of the elements, in order."""
         optional = {
+            "log_friction": self.states.friction,
             "log_stiffness": self.states.stiffness,
             "grade_rad": self.states.grade,
             "rolling_excess": self.states.rolling,
             "radius_ratio": self.states.radius,
             "accelerometer_offset_m_s2": self.states.accelerometer_offset,
         }
-        return (*self.robot.state_names, *self.friction_names, *(name for name, there in optional.items() if there))
-
-    @property
-    def friction_names(self) -> tuple[str, ...]:
-        """Names of the friction states."""
-        places = [p.name for p in self.robot.places if p.driven]
-        by_wheel = tuple(f"log_friction_{name}" for name in places)
-        return {"known": (), "one": ("log_friction",), "each": by_wheel}[self.states.friction]
+        return (*self.robot.state_names, *(name for name, there in optional.items() if there))
 
     @property
     def robot_states(self) -> int:
@@ -113,34 +101,21 @@ class StateLayout:
         """Index of the speed of driven wheel k."""
         return self.robot.freedoms + k
 
-    def friction(self, k: int) -> int:
-        """Index of the friction of driven wheel k."""
-        return self.robot_states + (k if self.states.friction == "each" else 0)
-
-    def friction_name(self, k: int) -> str:
-        """Name of the friction of driven wheel k; empty where it is known."""
-        return self.names[self.friction(k)] if self.friction_names else ""
-
-    def bounds(self, name: str) -> tuple[float, float]:
-        """Least and greatest value of a state; infinite for one of the robot's own."""
-        kind = "log_friction" if name in self.friction_names else name
-        return BOUNDS.get(kind, (-math.inf, math.inf))
-
     def bounded(self, x: np.ndarray) -> np.ndarray:
         """The state vector (n,) with the states of ground and sensors inside their bounds."""
         own = self.robot_states
-        inside = [clip(value, *self.bounds(name)) for name, value in zip(self.names[own:], x[own:], strict=True)]
+        inside = [clip(value, *BOUNDS[name]) for name, value in zip(self.names[own:], x[own:], strict=True)]
         return np.array([*x[:own], *inside])
 
     def split(self, x: np.ndarray) -> Parts:
         """Parts of a state vector (n,)."""
         free, n = self.robot.freedoms, self.robot.driven
         offset = x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0
-        logs = [x[self.friction(k)] if self.friction_names else None for k in range(n)]
+        friction = np.exp(x[self.index("log_friction")]) if self.states.friction else 1.0
         return Parts(
             motion=x[:free],
             omega=x[free : free + n],
-            friction=np.array([1.0 if log is None else np.exp(log) for log in logs]),
+            friction=np.array([friction] * n),
             stiffness=np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
             grade_rad=x[self.index("grade_rad")] if self.states.grade else None,
             rolling_ratio=1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
