@@ -19,8 +19,8 @@ from ohmward.traction.calibration.stretches import cut, travel_speed
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun
-from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
-from ohmward.traction.terrain.slip_on_floors import FloorRun
+from ohmward.traction.terrain.floor import Floor, slip_scale
+from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipCurves
 
 #: Flags that are drawn over the speed, and the meaning of their colours.
 FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
@@ -187,8 +187,8 @@ def law_figure(found: Calibration, floor: Floor) -> Figure:
     slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
     most = float(np.abs(p.force_share).max())
     force = np.linspace(0.0, most, 60)
-    law = slip_belief(floor, force[:, None], np.zeros((60, 1)))
-    mean, std = law.mean[:, 0], np.sqrt(law.cov[:, 0, 0])
+    mean, cov = SlipCurves(floor).belief(force, np.zeros(60))
+    std = np.sqrt(np.diag(cov))
     return Figure(
         "Slip of the wheels under their force",
         "Traction over load [-]",

@@ -19,11 +19,11 @@ from ohmward.traction.terrain.floor import (
     new_floor,
     save_floors,
     slip_at_force,
-    slip_belief,
     slip_scale,
     slips_of_floors,
 )
 from traction.terrain.drives import SMOOTH, SOFT
+from traction.terrain.slip_rule import slip_belief
 
 
 @given(st.floats(0.1, 2.0), st.floats(1.0, 50.0), st.floats(0.0, 0.6))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction.terrain.floor import new_floor, slip_belief, slip_scale, travel_speed, wheel_motion
+from ohmward.traction.terrain.floor import new_floor, slip_scale, travel_speed, wheel_motion
 from ohmward.traction.terrain.slip_on_floors import MOST_MU, SlipCurves
 from traction.terrain.drives import OMNI, SMOOTH, SOFT
+from traction.terrain.slip_rule import slip_belief
 
 FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": new_floor((SMOOTH, SOFT))}
 #: Largest error of mean, sigma and covariance. Where friction is unknown the law lets go at each node of the rule, in

@@ -12,7 +12,6 @@ from ohmward.traction.motion.sample import samples_of
 from ohmward.traction.terrain.floor import (
     drag_columns,
     inertial_forces,
-    slip_belief,
     slip_scale,
     static_loads,
     undetermined_force_std,
@@ -27,6 +26,7 @@ from ohmward.traction.terrain.recognition import (
     SETTLING_S,
 )
 from traction.terrain.drives import along
+from traction.terrain.slip_rule import slip_belief
 
 RATE_S = 0.3
 

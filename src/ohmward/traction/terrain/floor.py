@@ -192,27 +192,6 @@ def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
     return np.sign(force_share) * np.minimum(slip, 1.0)
 
 
-def slip_belief(
-    floor: Floor, force_share: np.ndarray, force_std: np.ndarray, scale: SlipScale = AS_LEARNT
-) -> SlipBelief:
-    """Belief in the slip of wheels on this floor.
-
-    force_share, force_std: (..., n) traction over load, and its standard deviation.
-    scale: for the motion of the wheels.
-
-    The mean over friction and stiffness is taken by Gauss-Hermite quadrature, because the law is nonlinear over their
-    uncertainty. `SlipCurves` has the same for a traced step.
-    """
-    at_node, weights = slips_of_floors(floor, force_share)
-    mean = (weights * at_node).sum(axis=0)
-    off = np.sqrt(weights) * (at_node - mean)
-    cov = np.einsum("q...i,q...j->...ij", off, off)
-    shifted = (slips_of_floors(floor, force_share + e) for e in (force_std, -force_std))
-    ahead, behind = ((probable * slip).sum(axis=0) for slip, probable in shifted)
-    own = ((ahead - behind) / 2) ** 2
-    return scaled(SlipBelief(mean, cov + own[..., None] * np.eye(mean.shape[-1])), scale, floor)
-
-
 def scaled(law: SlipBelief, scale: SlipScale, floor: Floor) -> SlipBelief:
     """Belief in lambda from that in sigma, with the slip that the floor leaves unexplained."""
     mean = law.mean * scale.factor

@@ -9,7 +9,7 @@ floors the slip is their terrain mixture, and its band is wide on a new floor.
 All of this is one recursive step: a robot runs it live (`FloorSlipEstimator`), a log is a scan of it. Besides drag, the
 forces contain the body's inertia; its acceleration is that of the rims, filtered.
 
-Belief in the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a traced step.
+Belief in the slip of wheels on a floor, as curves over their force:
 
     mean m(F/N),   variance v(F/N),   covariance of two wheels  c(F_i/N_i, F_j/N_j) = sum over k of phi_k phi_k
 
@@ -134,7 +134,7 @@ MODES = 5
 
 @dataclass(frozen=True)
 class SlipCurves:
-    """The curves of a floor."""
+    """The curves of a floor: means over its friction and stiffness, because the law is nonlinear over both."""
 
     floor: Floor
 
