@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 /* Another battery, filter or version has another number. */
-#define SLIP_IDENTITY 0x3B724BEAu
+#define SLIP_IDENTITY 0x4B97CF16u
 #define SLIP_SAVED_BYTES (sizeof(slip_state) + 8u)
 
 /* Write a state as SLIP_SAVED_BYTES bytes. */
