@@ -13,7 +13,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.given_soc import takes_given_soc
+from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, make_estimator, published, title_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
@@ -80,7 +80,7 @@ def battery_export(
         title += f", curve within {1e3 * error_V:.2g} mV"
     estimator: Any = make_estimator(filter_name, battery)
     if soc is None:
-        soc = math.nan if takes_given_soc(estimator) else _HALF_CHARGED
+        soc = math.nan if carries_errors(estimator) else _HALF_CHARGED
     rest = SocSample(0.0, 0.0, usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, _HALF_CHARGED if math.isnan(soc) else soc, soc_std)
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
@@ -106,7 +106,7 @@ def _started(estimator: Any) -> Callable[..., Any]:
 
     The textbook filters, made for the least memory, only start from a given one.
     """
-    if not takes_given_soc(estimator):
+    if not carries_errors(estimator):
         return estimator.start
 
     def start(first: SocSample, soc: Any, soc_std: Any) -> Any:
@@ -118,7 +118,7 @@ def _started(estimator: Any) -> Callable[..., Any]:
 
 def _start_note(estimator: Any) -> str:
     known = "`soc` and `soc_std` are the state of charge and its standard deviation"
-    if takes_given_soc(estimator):
+    if carries_errors(estimator):
         return f"{known}; where `soc` is NAN, both come from the voltage of the sample."
     return f"{known}, which the first steps correct."
 

@@ -19,7 +19,8 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.given_soc import after_first_voltage, takes_given_soc
+from ohmward.battery.soc.gaussian_sum import carries_errors
+from ohmward.battery.soc.given_soc import after_first_voltage
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.energy.consumption import Consumption
@@ -316,7 +317,7 @@ class Estimation:
     def _full_declared(self, time_s: float) -> list[RobotState]:
         """The state after a charger has reported a full battery."""
         assert self.soc is not None
-        if not takes_given_soc(self.soc.settings):
+        if not carries_errors(self.soc.settings):
             return []
         if self.cells and self.cells.typical.last:
             self.cells.typical.tell_soc()

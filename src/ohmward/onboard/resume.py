@@ -23,7 +23,8 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.given_soc import STANDBY_PER_HOUR, after_absence, takes_given_soc
+from ohmward.battery.soc.gaussian_sum import carries_errors
+from ohmward.battery.soc.given_soc import STANDBY_PER_HOUR, after_absence
 from ohmward.battery.soc.sample import MOST_SOC_STD
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
@@ -102,7 +103,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     soc = estimation.soc
-    if SHORT_ABSENCE_S < away_s <= soc.known_gap_s and takes_given_soc(soc.settings):
+    if SHORT_ABSENCE_S < away_s <= soc.known_gap_s and carries_errors(soc.settings):
         soc.state = after_absence(soc.settings, soc.state, away_s, moved_std)
         soc.time_s += passed_s
         estimation.absence = away_s, known

@@ -27,8 +27,7 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.posterior import Unknowns
 from ohmward.battery.soc.augmented_thevenin import AugmentedThevenin
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.logs.log import SECONDS_PER_HOUR
@@ -86,7 +85,7 @@ def seen_by_filter(p: Unknowns, system: AugmentedThevenin) -> tuple[list[str], n
 def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
     """Model and belief of the estimator; those of a Gaussian sum as one Gaussian."""
     settings: Any = estimator.settings
-    if not isinstance(settings, GaussianSumFilter | TheveninFilter):
+    if not carries_errors(settings):
         raise InputError(f"{estimator!r} carries no corrections of a battery file; the filters gsf, ekf and ukf do")
     if estimator.state is None:
         raise InputError("nothing was learnt before the first sample; give update() samples first")

@@ -17,7 +17,8 @@ from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, Charg
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
-from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
+from ohmward.battery.soc.gaussian_sum import carries_errors
+from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import (
     INITIAL_SOC_STD,
@@ -245,7 +246,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def _with_given(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """Update the state with a given state of charge, and return the estimate."""
-        std = full_charge(self.settings).std if soc_std is None and takes_given_soc(self.settings) else soc_std
+        std = full_charge(self.settings).std if soc_std is None and carries_errors(self.settings) else soc_std
         assert self.last is not None
         self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
         self._watch = None
@@ -372,7 +373,7 @@ def model_of(settings: Estimator) -> Thevenin | None:
 
 def declared_full_at(settings: Estimator, log: Log) -> set[int]:
     """Rows at which a column of the log reports a full battery; none for an estimator that cannot use it."""
-    return {k for _, k in log.full_charges()} if takes_given_soc(settings) else set()
+    return {k for _, k in log.full_charges()} if carries_errors(settings) else set()
 
 
 def after_long_gaps(settings: Estimator, dt_s: np.ndarray) -> list[int]:

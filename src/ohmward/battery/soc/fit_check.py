@@ -13,14 +13,13 @@ errors over a large share of the time make a misfit.
 from __future__ import annotations
 
 import math
-from typing import TypeGuard
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import OTHER_FILE, contradictions
 from ohmward.battery.models.noise import CurrentSensor
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag
 from ohmward.battery.soc.thevenin_filter import TheveninFilter, implausible_capacity
 from ohmward.logs.log import Log, Note
@@ -54,14 +53,9 @@ def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstim
         as states are judged; the innovations of others are always larger than they expect.
     """
     found = list(contradictions(log, battery))
-    if is_judged(settings) and (needed := _needed(battery, log, settings, estimates)):
+    if carries_errors(settings) and (needed := _needed(battery, log, settings, estimates)):
         found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
-
-
-def is_judged(settings: Estimator) -> TypeGuard[TheveninFilter | GaussianSumFilter]:
-    """True for an estimator whose estimates show whether the file fits."""
-    return isinstance(settings, TheveninFilter | GaussianSumFilter)
 
 
 def _needed(

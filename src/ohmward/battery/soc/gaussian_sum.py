@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import and_, or_
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -175,6 +175,14 @@ class GaussianSumFilter:
         mean = sum(w * b.mean for w, b in zip(weights, beliefs, strict=True))
         cov = sum(w * (b.cov + np.outer(b.mean - mean, b.mean - mean)) for w, b in zip(weights, beliefs, strict=True))
         return most_likely(state.members, state.log_weights)._replace(belief=pack(Belief(mean, cov)))
+
+
+def carries_errors(settings: Any) -> TypeGuard[TheveninFilter | GaussianSumFilter]:
+    """True for a filter that carries the errors of sensor and model as states.
+
+    So its estimates show whether the battery file fits, it learns on board, and takes a state of charge from outside.
+    """
+    return isinstance(settings, TheveninFilter | GaussianSumFilter)
 
 
 def equal_cells(count: int) -> list[tuple[float, float]]:

@@ -20,7 +20,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.capacity_evidence import count_once
 from ohmward.battery.soc.clean_sample import first_input, sanitize
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, mixed, relative
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors, mixed, relative
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.battery.soc.voltage_faults import HeldVoltage
@@ -42,11 +42,6 @@ STANDBY_PER_HOUR = 0.01
 
 #: A voltage contradicts the charge before an absence if it moves it by this many of its standard deviations.
 CONTRADICTS_STD = 3.0
-
-
-def takes_given_soc(settings: Any) -> bool:
-    """True for an estimator that takes a state of charge from outside."""
-    return isinstance(settings, TheveninFilter | GaussianSumFilter)
 
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
@@ -95,7 +90,7 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
 
 def longest_known_gap_s(settings: Any) -> float:
     """Longest step [s] after which the charge is still known without `after_gap`; inf where that cannot help."""
-    return max(_single(settings).gap_s, NOTHING_KNOWN_AFTER_S) if takes_given_soc(settings) else math.inf
+    return max(_single(settings).gap_s, NOTHING_KNOWN_AFTER_S) if carries_errors(settings) else math.inf
 
 
 def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, gap_s: float) -> Any:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from ohmward.battery.soc.comparison import Comparison, compare
-from ohmward.battery.soc.fit_check import is_judged
+from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, progress
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> Outcome:
 def _misfits(compared: Comparison) -> tuple[Note, ...]:
     """Misfits of the battery file as in `ohmward soc`, judged by the default estimator or else the first that can."""
     default, runs = chosen_name(DEFAULT), compared.runs
-    by_rank = sorted(runs, key=lambda name: (name != default, not is_judged(runs[name].settings)))
+    by_rank = sorted(runs, key=lambda name: (name != default, not carries_errors(runs[name].settings)))
     return runs[by_rank[0]].notes
 
 
