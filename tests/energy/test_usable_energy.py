@@ -11,7 +11,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_model
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, open_circuit
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
 from ohmward.energy.discharge_end import DischargeEnd
@@ -49,6 +49,13 @@ def test_a_straight_curve_down_to_the_cut_off():
     # U = 20 + 8 z, no resistance: from z = 0.9 to U = 22 at z = 0.25, Q (20 z + 4 z^2)
     found = energy_J(battery((20.0, 28.0)), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0), 50.0)
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
+
+
+def test_the_discharge_branch_is_that_of_the_temperature():
+    model, soc = replace(LABEL.thevenin, hysteresis_activation_K=1500.0), np.linspace(0.0, 1.0, 11)
+    branch_V, *_ = discharge_curves(replace(LABEL, thevenin=model), soc, -10.0)
+    state = np.array([soc, *(np.zeros(11) for _ in model.tau_s), -np.ones(11)])
+    assert branch_V == pytest.approx(open_circuit(state, CircuitInput(0.0, -10.0), model), rel=1e-12)
 
 
 def certain(power_W: float) -> Peaks:

@@ -418,7 +418,7 @@ def discharge_curves(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Along SoC (K,): voltage [V] of the discharge branch, resistance [ohm] after `loaded_s` of load, and to a peak."""
     model = battery.thevenin
-    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
+    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.hysteresis_V_at(soc, temperature_degC)
     usual_A = USUAL_C * model.capacity_Ah
     u = thevenin.CircuitInput(-usual_A, temperature_degC)
     ohmic, pairs = -thevenin.ohmic_drop(soc, u, model) / usual_A, thevenin.pair_resistances(soc, u, model)
