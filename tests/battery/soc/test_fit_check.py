@@ -111,13 +111,13 @@ def test_a_sensor_without_an_error_is_no_misfit(tested):
     assert not np.any(run.estimates.flags.astype(int) & SocFlag.MISFIT)
 
 
-def moved(soc, std=0.05, current_A=0.0, flags=0.0, offset_std_A=0.0, duration_s=60.0):
+def moved(soc, std=0.05, current_A=0.0, flags=0.0, offset_std_A=0.0, offset_A=0.0, duration_s=60.0):
     """What `moved_uncounted` finds in estimates (T,) of a battery of 1 Ah."""
     T = len(soc)
     log = Log("moved", np.linspace(0.0, duration_s, T), np.full(T, current_A), np.full(T, 3.7))
     values = {"soc": soc, "soc_std": std, "flags": flags}
     estimates = SocEstimate(*(np.broadcast_to(values.get(name, 0.0), T) for name in SocEstimate._fields))
-    return moved_uncounted(log, estimates, 1.0, CurrentSensor(1.0, offset_std_A=offset_std_A))
+    return moved_uncounted(log, estimates, 1.0, CurrentSensor(1.0, offset_std_A=offset_std_A, offset_A=offset_A))
 
 
 def test_a_charge_that_moves_by_itself_is_measured_in_its_deviations_before():
@@ -131,6 +131,10 @@ def test_the_band_may_narrow_and_the_charge_be_counted():
 
 def test_an_offset_within_its_deviation_moves_the_charge():
     assert moved([0.9, 0.8], std=0.05, offset_std_A=0.05, duration_s=7200.0) == pytest.approx(0.1 / np.hypot(0.05, 0.1))
+
+
+def test_the_offset_in_the_file_is_no_charge():
+    assert moved([0.9, 0.9], current_A=0.02, offset_A=0.02, duration_s=7200.0) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_estimates_before_and_after_a_gap_are_not_compared():

@@ -90,11 +90,14 @@ def given_after_empty(battery: Battery, log: Log, estimates: SocEstimate) -> flo
 def moved_uncounted(log: Log, estimates: SocEstimate, capacity_Ah: float, sensor: CurrentSensor) -> float:
     """Largest move of the state of charge beyond the counted charge, over the standard deviation before it.
 
-    The means of a filter are a martingale: later ones lie about an earlier one as widely as it is uncertain.
+    The means of a filter are a martingale: later ones lie about an earlier one as widely as it is uncertain. The
+    counted charge is without the offset of the file.
     """
     rows = np.unique(np.linspace(0, len(log) - 1, min(_COMPARED, len(log))).astype(int))
     part = np.cumsum((np.asarray(estimates.flags).astype(int) & int(_APART)) > 0)[rows]
-    time_s, counted = log.time_s[rows], log.charge_Ah()[rows] / capacity_Ah
+    time_s = log.time_s[rows]
+    offset_Ah = sensor.offset_A / SECONDS_PER_HOUR * (time_s - time_s[0])
+    counted = (log.charge_Ah()[rows] - offset_Ah) / capacity_Ah
     apart = np.subtract.outer(estimates.soc[rows] - counted, estimates.soc[rows] - counted)
     counted_std = COUNTED_STD * np.subtract.outer(counted, counted)
     offset_std = sensor.offset_std_A / SECONDS_PER_HOUR / capacity_Ah * np.subtract.outer(time_s, time_s)
