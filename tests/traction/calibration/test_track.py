@@ -69,6 +69,13 @@ def test_a_robot_that_never_turns_keeps_its_track():
     assert found.value == 0.30
 
 
+def test_a_truth_without_yaw_rate_is_named():
+    drives = [drive._replace(motion=drive.motion * [1.0, 1.0, 0.0]) for drive in (kinematic(*m) for m in MOTIONS)]
+    found = calibrate_track(drives, SKID)
+    assert not found.identified
+    assert "no yaw rate was measured" in found.reason
+
+
 def test_an_omni_robot_has_no_track():
     with pytest.raises(InputError, match="has no left and right side"):
         calibrate_track([], ROBOTINO)

@@ -200,6 +200,8 @@ def calibrate_track(
     if turns.sum() < FEWEST_TURNS:
         return unknown
     by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
+    if not yaw_rate.any():
+        return unknown._replace(reason="the wheels turn the robot, but no yaw rate was measured beside its true speed")
     fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
     if not is_identified(name, share, std):
