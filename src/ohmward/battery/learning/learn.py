@@ -63,6 +63,7 @@ from ohmward.battery.learning.voltage_model import VoltageModel, prior_of
 from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
@@ -215,8 +216,8 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
     """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
     for part in parts:
         run = SocEstimator(battery, initial_soc if part is parts[0] else None).run(part)
-        if run.notes:
-            return run.notes[0].text
+        if found := misfits(battery, part, run.settings, run.estimates, in_itself=False):
+            return found[0].text
     return ""
 
 

@@ -103,6 +103,7 @@ class TopMemory(NamedTuple):
     usual_A: Any = 0.0  #: mean of the current over the same charge, 0 at the start
     #: time for which the voltage has been above its mean, samples without a voltage left out
     high_s: Any = 0.0
+    charged: Any = 0.0  #: charge put in on balance since that was 0, over the capacity
     #: charge taken out since this event last occurred, over the capacity, at most 1
     discharged: Any = 1.0
 
@@ -203,7 +204,7 @@ class AnchorRule:
         rise_V = where(begun, still_V - before.usual_V, 0.0)
         drop_V = ohm * where(begun, u.current_A - before.usual_A, 0.0)
         high = usable & (u.current_A > self.load_A) & (still_V > self.nearly_full_V)
-        high = high & (rise_V > self.usual_rise_V + self.spurious_rise_V(drop_V, u))
+        high = high & (rise_V > self.usual_rise_V + self.spurious_rise_V(drop_V, before.charged, u))
         high_s = where(high, before.high_s + clean.dt_s, where(usable, 0.0, before.high_s))
         end = self.nearly_full(u)
         top = high & (high_s > _LOW_S) & (before.discharged > AGAIN) & (end.std < _MOST_STD)
@@ -214,13 +215,18 @@ class AnchorRule:
             usual_V=where(usable, still_V + decay * (before.usual_V - still_V), before.usual_V),
             usual_A=where(usable, u.current_A + decay * (before.usual_A - u.current_A), before.usual_A),
             high_s=high_s,
+            charged=maximum(before.charged + share, 0.0),
             discharged=where(top, 0.0, minimum(before.discharged + maximum(-share, 0.0), 1.0)),
         )
         return memory._replace(top=after), AnchorEvent(False, False, *end, top)
 
-    def spurious_rise_V(self, drop_V: Scalar, u: CircuitInput) -> Scalar:
-        """Rise [V] that noise, hysteresis and a change of the drop, at the largest likely resistances, can imitate."""
-        still_V = _hypot(self.noise.voltage_std_V, self.model.hysteresis_V_at(1.0, u.temperature_degC))
+    def spurious_rise_V(self, drop_V: Scalar, charged: Scalar, u: CircuitInput) -> Scalar:
+        """Rise [V] that noise, hysteresis and a change of the drop, at the largest likely resistances, can imitate.
+
+        charged: charge put in before, over the capacity: a battery on its charge branch rises by hysteresis no more.
+        """
+        left_V = self.model.hysteresis_V_at(1.0, u.temperature_degC) * exp(-self.model.hysteresis_rate * charged)
+        still_V = _hypot(self.noise.voltage_std_V, left_V)
         most = exp(BEYOND_SIGMAS * sqrt(self.noise.resistance_variance_at(u, self.model)))
         return BEYOND_SIGMAS * still_V + (most - 1.0) * abs(drop_V)
 

@@ -78,7 +78,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     >>> estimator = ow.SocEstimator(ow.load_battery("battery.toml"), initial_soc=0.8)
     >>> now = estimator.update(time_s=0.0, current_A=-3.2, voltage_V=13.1, temperature_degC=21.0)
-    >>> round(now.soc, 1), now.soc_std < 0.04
+    >>> round(now.soc, 1), now.soc_std < 0.05
     (0.8, True)
 
     Args:

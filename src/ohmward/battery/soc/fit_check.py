@@ -46,20 +46,27 @@ LEAST_INNOVATIONS = 100
 LARGEST = math.sqrt(TheveninFilter.gate)
 
 
-def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstimate) -> tuple[Note, ...]:
+def misfits(
+    battery: Battery, log: Log, settings: Estimator, estimates: SocEstimate, in_itself: bool = True
+) -> tuple[Note, ...]:
     """Warnings that the battery file does not fit the log and the estimates are not to be trusted; () where it does.
 
     settings, estimates: of the estimator that ran over the log. Only filters that have the errors of sensor and model
         as states are judged; the innovations of others are always larger than they expect.
+    in_itself: False leaves out estimates that contradict themselves: learning from the log may cure that.
     """
     found = list(contradictions(log, battery))
-    if carries_errors(settings) and (needed := _needed(battery, log, settings, estimates)):
+    if carries_errors(settings) and (needed := _needed(battery, log, settings, estimates, in_itself)):
         found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
 
 
 def _needed(
-    battery: Battery, log: Log, settings: TheveninFilter | GaussianSumFilter, estimates: SocEstimate
+    battery: Battery,
+    log: Log,
+    settings: TheveninFilter | GaussianSumFilter,
+    estimates: SocEstimate,
+    in_itself: bool,
 ) -> list[str]:
     """Errors that it would take to explain the log with this file, but that sensor and battery cannot have."""
     sensor = settings.sensor
@@ -72,7 +79,8 @@ def _needed(
         needed.append(f"a capacity of {capacity:.2g} times the file's")
     if (after_empty := given_after_empty(battery, log, estimates)) > MOST_AFTER_EMPTY:
         needed.append(f"{after_empty:.0%} of its capacity given after it was empty")
-    if (moved := moved_uncounted(log, estimates, battery.capacity_Ah, sensor)) > MOST_MOVED:
+    moved = moved_uncounted(log, estimates, battery.capacity_Ah, sensor) if in_itself else 0.0
+    if moved > MOST_MOVED:
         needed.append(f"a state of charge that moved by itself, by {moved:.1f} of its standard deviations")
     if (excess := lasting_error(log.time_s, estimates)) > MOST_EXCESS:
         needed.append(f"errors of the voltage {excess:.1f} times as large as the file expects")
