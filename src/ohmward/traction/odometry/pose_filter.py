@@ -179,6 +179,8 @@ class PoseFilter:
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
+        mirrored = watch.mirrored & logical_not(state.watch.mirrored)
+        before = choose(mirrored, with_turn_of_wheels(before, watch.mirrored_rad, self.noise), before)
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         sensors, jump = sense(state.motion, clean, silent, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
@@ -344,6 +346,13 @@ def newly(now: np.ndarray, before: np.ndarray) -> Scalar:
 def with_first_scale(belief: Belief, noise: OdometryNoise) -> Belief:
     """The belief with the scale of the wheels' turn as at the start: one that has stopped has spoilt it."""
     return forget(belief, TURN_SCALE, noise.turn_scale_std**2 + noise.gyro_scale_std**2)
+
+
+def with_turn_of_wheels(belief: Belief, apart_rad: Scalar, noise: OdometryNoise) -> Belief:
+    """The belief with the turn of the wheels where the gyro is found to be mirrored: it turned by `apart_rad` less."""
+    turned = np.array([apart_rad if i == YAW else 0.0 for i in range(len(NAMES))])
+    first = with_first_scale(belief, noise)
+    return Belief(first.mean + turned, first.cov)
 
 
 def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:
