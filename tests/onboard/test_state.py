@@ -67,7 +67,7 @@ def driven(battery, robot=None, seconds=300, at_s=1000.0):
             values |= {f"wheel_speed_rad_s.{j}": 4.0 for j in range(4)}
         estimation.put(at_s + 0.5 * k, values)
         if k == 0 and estimation.soc:
-            estimation.soc.tell_soc(0.6, 0.02)
+            estimation.soc.correct_soc(0.6, 0.02)
     return estimation
 
 

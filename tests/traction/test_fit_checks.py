@@ -29,7 +29,7 @@ def test_spikes_are_warned_of_and_fit():
 
 @pytest.mark.parametrize(
     ("flag", "word"),
-    [(SlipFlag.ENCODER_DOUBTED, "encoders"), (SlipFlag.GYRO_REJECTED, "gyro"), (SlipFlag.SPEED_REJECTED, "outside")],
+    [(SlipFlag.ENCODER_REJECTED, "encoders"), (SlipFlag.GYRO_REJECTED, "gyro"), (SlipFlag.SPEED_REJECTED, "outside")],
 )
 def test_a_sensor_that_is_refused_for_long_does_not_fit(flag, word):
     assert misfits(run(flag, SAMPLES // 10)) == ()

@@ -27,7 +27,7 @@ FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SlipFlag.STANDSTILL: "background",
     SlipFlag.SPEED_UNOBSERVED: "comparison",
     SlipFlag.GROUND_CHANGED: "alert",
-    SlipFlag.ENCODER_DOUBTED: "alert",
+    SlipFlag.ENCODER_REJECTED: "alert",
     SlipFlag.SPEED_REJECTED: "alert",
     SlipFlag.GAP: "alert",
 }

@@ -320,8 +320,8 @@ class Estimation:
         if not carries_errors(self.soc.settings):
             return []
         if self.cells and self.cells.typical.last:
-            self.cells.typical.tell_soc()
-        return [self._after(time_s, {FULL: 1.0}, battery=self.soc.tell_soc(), battery_time_s=time_s)]
+            self.cells.typical.correct_soc()
+        return [self._after(time_s, {FULL: 1.0}, battery=self.soc.correct_soc(), battery_time_s=time_s)]
 
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None

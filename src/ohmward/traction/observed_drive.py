@@ -115,7 +115,7 @@ CONTRADICTS = 0.1
 
 #: Flags of a sensor that the model contradicts, and the advice.
 CONTRADICTIONS = {
-    SlipFlag.ENCODER_DOUBTED: "encoders do not move as motors and ground allow: check their signs, their order, "
+    SlipFlag.ENCODER_REJECTED: "encoders do not move as motors and ground allow: check their signs, their order, "
     "their shaft (--motor-shaft, at_motor_shaft=True) and the mass and torque constant of the robot file",
     SlipFlag.GYRO_REJECTED: "the gyro turns otherwise than the wheels: check its sign and unit, left and right, and "
     "the track; wheels that scrub in turns need the chassis skid-steer in the robot file",

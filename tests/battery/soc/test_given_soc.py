@@ -60,11 +60,11 @@ def test_to_tell_it_again_changes_nothing(name):
     log, _ = a_charge()
     estimator = SocEstimator(label("lfp"), filter=name)
     estimator.run(log.select(slice(0, 480)))
-    once = estimator.tell_soc()
+    once = estimator.correct_soc()
     assert once.soc == pytest.approx(1.0, abs=0.01) and once.soc_std <= 0.0101
     assert once.flags & SocFlag.ANCHORED
     for _ in range(20):
-        again = estimator.tell_soc()
+        again = estimator.correct_soc()
     assert again.soc == pytest.approx(once.soc, abs=1e-3) and again.soc_std == pytest.approx(once.soc_std, rel=0.05)
 
 
@@ -77,7 +77,7 @@ def test_a_column_of_a_log_is_the_live_call(name):
     assert np.flatnonzero(run.flags & SocFlag.ANCHORED).tolist() == [k]
     estimator = SocEstimator(label("lfp"), filter=name)
     estimator.run(log.select(slice(0, k + 1)))
-    told = estimator.tell_soc()
+    told = estimator.correct_soc()
     assert (run.soc[k], run.soc_std[k]) == (told.soc, told.soc_std)
     rest = estimator.run(log.select(slice(k + 1, len(log))))
     np.testing.assert_array_equal(run.soc[k + 1 :], rest.soc)
@@ -92,7 +92,7 @@ def test_a_snapshot_keeps_what_was_told(name):
     k = int(np.argmax(truth))
     estimator = SocEstimator(label("lfp"), filter=name)
     estimator.run(log.select(slice(0, k + 1)))
-    estimator.tell_soc(1.0, 0.005)
+    estimator.correct_soc(1.0, 0.005)
     other = SocEstimator.restore(label("lfp"), json.loads(json.dumps(estimator.snapshot())), filter=name)
     rest = log.select(slice(k + 1, len(log)))
     np.testing.assert_array_equal(other.run(rest).soc, estimator.run(rest).soc)
@@ -102,7 +102,7 @@ def test_the_battery_has_been_full_since_it_was_told():
     log, _ = a_charge()
     estimator = SocEstimator(label("lfp"))
     estimator.run(log.select(slice(0, 400)))
-    estimator.tell_soc()
+    estimator.correct_soc()
     later_s = estimator.time_s + HOUR
     estimator.update(later_s, 0.0, 13.3, 25.0)
     assert estimator.memory.history(later_s).since_full_s == pytest.approx(HOUR)
@@ -112,24 +112,24 @@ def test_the_state_stays_positive_definite():
     log, _ = a_charge()
     estimator = SocEstimator(label("lfp"), filter="ekf")
     estimator.run(log)
-    estimator.tell_soc(0.2, 1e-4)
+    estimator.correct_soc(0.2, 1e-4)
     assert np.linalg.eigvalsh(unpack(estimator.state.belief).cov).min() > -1e-12
 
 
 def test_what_cannot_be_told_is_refused():
     log, _ = a_charge()
     with pytest.raises(InputError, match="give update"):
-        SocEstimator(label("lfp")).tell_soc()
+        SocEstimator(label("lfp")).correct_soc()
     counting = SocEstimator(label("lfp"), filter="coulomb")
     counting.run(log)
     with pytest.raises(InputError, match="choose the filter gsf"):
-        counting.tell_soc()
+        counting.correct_soc()
     estimator = SocEstimator(label("lfp"))
     estimator.run(log)
     with pytest.raises(InputError, match="soc must be between 0 and 1"):
-        estimator.tell_soc(80.0)
+        estimator.correct_soc(80.0)
     with pytest.raises(InputError, match="soc_std must be > 0"):
-        estimator.tell_soc(0.8, 0.0)
+        estimator.correct_soc(0.8, 0.0)
 
 
 @pytest.mark.parametrize("column", ["full", "power_supply_status"])

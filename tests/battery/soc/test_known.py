@@ -14,7 +14,7 @@ from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_st
 from ohmward.battery.models.thevenin import pair_resistances as pair_ohms
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.given_soc import tell_soc
+from ohmward.battery.soc.given_soc import correct_soc
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import STD_OF, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -139,7 +139,7 @@ def test_a_charge_that_is_told_changes_them_as_it_changes_the_state(settings):
     state = settings.init(row(columns, 0), 0.6, 0.1)
     state, estimates = kernel_of(settings, state, row(columns, 0)).scan(state, columns)
     last = type(estimates)(*(float(column[-1]) for column in estimates))
-    after, told = tell_soc(settings, state, last, SocNormal(0.68, 0.01))
+    after, told = correct_soc(settings, state, last, SocNormal(0.68, 0.01))
     belief = unpack((settings.merged(after) if hasattr(settings, "merged") else after).belief)
     k = settings.state_names.index("offset_A")
     assert told.current_offset_A == pytest.approx(belief.mean[k], rel=1e-9)

@@ -124,7 +124,7 @@ def test_a_charge_that_was_given_since_ends_the_watch():
     log = log_of(mission("lfp"), 8.0)
     estimator = SocEstimator(battery_of("lfp"))
     estimator.update(log.time_s[0], log.current_A[0], log.voltage_V[0], 25.0)
-    estimator.tell_soc(TRUE_SOC, 0.01)
+    estimator.correct_soc(TRUE_SOC, 0.01)
     flags = [int(estimator.update(*row).flags) for row in rows_of(log)[1:20]]
     assert not any(flag & SocFlag.RESTARTED for flag in flags)
 

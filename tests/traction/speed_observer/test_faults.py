@@ -191,7 +191,7 @@ MISWIRED = {
 def test_wires_in_the_wrong_order_are_flagged_and_stop_nothing(fault):
     encoders, current_A, x = weaving()
     e = watch_weaving(*MISWIRED[fault](encoders, current_A), x)
-    wrong = SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_DOUBTED | SlipFlag.SPEED_UNOBSERVED | SlipFlag.GYRO_REJECTED
+    wrong = SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_REJECTED | SlipFlag.SPEED_UNOBSERVED | SlipFlag.GYRO_REJECTED
     assert has(e, wrong).mean() > 0.1
     assert_finite(e)
 

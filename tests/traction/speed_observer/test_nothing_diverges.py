@@ -72,7 +72,7 @@ def test_an_encoder_that_lies_for_longer_than_a_glitch_is_taken_for_the_ground_t
     spoilt[500:900, 0] += FAST_RAD_S
     e = watch(spoilt, current_A, x)
     assert has(e, SlipFlag.ENCODER_SPIKE)[500] and has(e, SlipFlag.GROUND_CHANGED)[500:520].any()
-    assert has(e, SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_DOUBTED | SlipFlag.GYRO_REJECTED)[520:880].mean() > 0.5
+    assert has(e, SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_REJECTED | SlipFlag.GYRO_REJECTED)[520:880].mean() > 0.5
     assert np.abs(e.speed_m_s).max() < 3.0
 
 

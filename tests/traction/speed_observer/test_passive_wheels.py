@@ -61,4 +61,4 @@ def test_one_stuck_wheel_beside_a_good_one_changes_nothing():
     e = drives(body, wrong=wheels)
     assert np.all(np.abs(e.speed_m_s - body)[100:] < 0.02)
     assert flagged(e, SlipFlag.ENCODER_SPIKE)[260:].all()
-    assert flagged(e, SlipFlag.ENCODER_DOUBTED)[360:].all()
+    assert flagged(e, SlipFlag.ENCODER_REJECTED)[360:].all()

@@ -18,7 +18,7 @@ from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.gaussian_sum import carries_errors
-from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, tell_soc
+from ohmward.battery.soc.given_soc import after_gap, correct_soc, full_charge, longest_known_gap_s
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import (
     INITIAL_SOC_STD,
@@ -208,7 +208,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """Estimates for every sample of a log, continuing from the present state; a new estimator starts with the log.
 
         Where a column of the log reports a full battery, as a charger does, the filters on the Thevenin model are
-        corrected as by `tell_soc`.
+        corrected as by `correct_soc`.
 
         log: a Log, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).
@@ -224,7 +224,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         notes = misfits(self.battery, log, self.settings, estimates) if self.battery else ()
         return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title, notes)
 
-    def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
+    def correct_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """Estimate after a state of charge from another source than the samples, such as the flag of a charger.
 
         Repeating it changes next to nothing, so it may be called for as long as the charger reports full.
@@ -235,7 +235,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             InputError: values out of range, no sample yet, or an estimator that takes no state of charge from outside.
         """
         if self.last is None:
-            raise InputError("tell_soc needs an estimate: give update() a sample first")
+            raise InputError("correct_soc needs an estimate: give update() a sample first")
         require_between("soc", number("soc", soc), 0.0, 1.0)
         if soc_std is not None:
             require_soc_std("soc_std", number("soc_std", soc_std))
@@ -248,7 +248,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """Update the state with a given state of charge, and return the estimate."""
         std = full_charge(self.settings).std if soc_std is None and carries_errors(self.settings) else soc_std
         assert self.last is not None
-        self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
+        self.state, estimate = correct_soc(self.settings, self.state, self.last, SocNormal(soc, std))
         self._watch = None
         return estimate
 

@@ -130,7 +130,7 @@ def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
     return settings.member if isinstance(settings, GaussianSumFilter) else settings
 
 
-def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal) -> tuple[Any, SocEstimate]:
+def correct_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal) -> tuple[Any, SocEstimate]:
     """State and estimate after a state of charge was given; estimate: the last one.
 
     Raises:

@@ -98,7 +98,7 @@ class SlipFlag(SampleFlag):
     NO_CURRENT = 4  # of at least one motor, or an impossible one: the last one fades, its torque is unknown
     NO_ENCODER = 8  # of at least one driven wheel when one was due: not a number, or an impossible one
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
-    ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
+    ENCODER_REJECTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
     GYRO_REJECTED = 64  # yaw rate outside its gate, or stuck
     SPEED_REJECTED = 128  # outside speed outside its gate
     SPEED_RESET = 256  # outside speeds have contradicted the estimate for too long: it was widened to accept this one

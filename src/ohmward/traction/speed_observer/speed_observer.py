@@ -411,7 +411,7 @@ class SpeedObserver:
             SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven] | encoder_holds)),
             SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
-            SlipFlag.ENCODER_DOUBTED: some([wheels.suspect, body.passive_suspect]),
+            SlipFlag.ENCODER_REJECTED: some([wheels.suspect, body.passive_suspect]),
             SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, state.gyro.stuck]),
             SlipFlag.SPEED_REJECTED: some([body.speed_rejected, clean.speed_refused]),
             SlipFlag.SPEED_RESET: body.speed_reset,
