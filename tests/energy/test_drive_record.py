@@ -6,6 +6,7 @@ import pytest
 from ohmward.energy.drive_record import observe_motion, record_drive
 from ohmward.logs import DriveLog, Log
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
+from traction.odometry.examples import DT_S, one_side_spins
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
 
@@ -24,6 +25,16 @@ def test_travel_in_every_direction_is_driving(direction):
     driven = [one.stretch for one in record.driven if one.stretch.terrain == "carpet"]
     assert sum(stretch.time_s for stretch in driven) == pytest.approx(15.0, abs=2.0)
     assert record.balance is not None and record.balance.energy.balance.rolling > 1.0
+
+
+def test_without_motor_currents_wheels_and_gyro_tell_a_side_that_slips():
+    """A skid-steered robot at 0.8 m/s, one side of which spins twice."""
+    settings, samples, _ = one_side_spins(0, False, np.random.default_rng(4))
+    robot, time_s = settings.robot, DT_S * np.arange(len(samples.robot.dt_s))
+    wheels, unknown_A = samples.robot.wheel_speed_rad_s, np.full((time_s.size, robot.driven), np.nan)
+    drive = DriveLog("drive", time_s, wheels, unknown_A, yaw_rate_rad_s=samples.robot.yaw_rate_rad_s)
+    found = observe_motion(robot, drive, hard_terrain("dry asphalt"), time_s)
+    assert np.sqrt(np.mean((found.speed_m_s - 0.8) ** 2)) < 0.03
 
 
 def test_nothing_is_driven_where_the_wheels_were_not_recorded():

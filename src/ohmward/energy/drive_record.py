@@ -23,8 +23,9 @@ from ohmward.runs import interpolated
 from ohmward.traction.drive_checks import mended
 from ohmward.traction.dynamics.forces import EnergyBalance, Scene
 from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.observed_drive import observed_motion
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
+from ohmward.traction.speed_observer.estimator import SlipRun, motion_of
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.terrain.floor import travel_speed
 
@@ -85,7 +86,7 @@ def observe_motion(
     """
     drive = mended(robot, drive)
     chosen = make_observer(robot, drive, terrain)
-    track = observe(chosen.observer, drive, progress)
+    track, _ = observed_motion(robot, drive, chosen.observer, progress)
     speed_m_s, grade_rad = track.estimates.speed_m_s, track.estimates.grade_rad
     if robot.freedoms == 3:  # it also travels sideways, and only its forward part climbs
         forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))

@@ -28,6 +28,7 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer, speed_std_m_s
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.floor import Floors, travel_speed
 from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
@@ -289,14 +290,25 @@ def observe_drive(
     faults = check_drive(robot, log)
     log = mended(robot, log)
     chosen = make_observer(robot, log, terrain, method)
-    track = observe(chosen.observer, log, progress)
+    track, path = observed_motion(robot, log, chosen.observer, progress)
+    return ObservedDrive(
+        robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
+    )
+
+
+def observed_motion(
+    robot: Robot, log: DriveLog, observer: SpeedObserver, progress: Callable[[int, int], None] | None = None
+) -> tuple[SlipRun, OdometryRun]:
+    """Speed and slip by an observer, or where no motor current shows a force by the odometry; and the odometry.
+
+    log: without faults, see `mended`.
+    """
+    track = observe(observer, log, progress)
     path = odometry_for(robot, log).run(log, track.estimates)
     if not force_known(robot, track.estimates).any():
         heard = ~are_silent(log.time_s, log.wheel_speed_rad_s[:, : robot.driven])
         track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates, heard), track.seconds)
-    return ObservedDrive(
-        robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
-    )
+    return track, path
 
 
 def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
