@@ -18,7 +18,7 @@ from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import HISTORY, history_row, view
 from ohmward.onboard.part import EndedError
 from ohmward.onboard.process import END_S, Process
-from ohmward.onboard.robot_state import Level, plain_state
+from ohmward.onboard.robot_state import Diagnostic, Level, plain_state
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
@@ -402,6 +402,28 @@ def test_a_source_that_fails_again_and_again_is_one_line_in_the_log(battery, cap
         run(Process(Estimation(battery), [broken], [Collector()]), seconds=2.0)
     assert broken.runs >= 3
     assert [r.message for r in caplog.records if "broken" in r.message] == ["source broken: no such port"]
+
+
+def test_a_fault_whose_figures_change_is_logged_once_until_it_has_recovered(battery, caplog, monkeypatch):
+    monkeypatch.setattr("ohmward.onboard.process.RECOVERED_S", 0.0)
+    process = Process(Estimation(battery), [], [])
+
+    async def reported():
+        for k in range(5):
+            process.report(Diagnostic("current", Level.WARN, f"{4900 + k} A now and then"))
+            process.report(Diagnostic("current", Level.ERROR, f"{5200.5 + k:g} A, which cannot be"))
+        process.report(Diagnostic("current", Level.OK, "reports"))
+        await asyncio.sleep(0.01)
+        process.report(Diagnostic("current", Level.WARN, "4900 A now and then"))
+
+    with caplog.at_level("INFO"):
+        asyncio.run(reported())
+    assert [r.message for r in caplog.records] == [
+        "current: 4900 A now and then",
+        "current: 5200.5 A, which cannot be",
+        "current: reports",
+        "current: 4900 A now and then",
+    ]
 
 
 def test_late_messages_are_one_condition_with_the_delay_that_they_need(battery):

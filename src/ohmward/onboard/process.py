@@ -6,6 +6,7 @@ import asyncio
 import errno
 import logging
 import math
+import re
 import signal
 import sys
 from collections import Counter
@@ -64,6 +65,8 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 #: Name and function of a task that runs beside sources and sinks.
 Companion = tuple[str, Callable[[], Awaitable[None]]]
 
+#: A figure in a sentence.
+_FIGURE = re.compile(r"-?\d+([.,]\d+)*(e[+-]?\d+)?")
 _LOG_LEVELS = {Level.OK: logging.INFO, Level.WARN: logging.WARNING}
 
 
@@ -99,7 +102,8 @@ class Process:
         self.companions = list(companions)
         self.sinks = [(sink, Feed(feed_interval_s(sink))) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
-        self._logged: dict[str, tuple[Level, str]] = {}
+        #: conditions logged of each name: the last recovery, or the faults since then
+        self._logged: dict[str, list[tuple[Level, str]]] = {}
         self._own = frozenset(source.name for source in sources if not is_live(source))
         self._restarts = 0
         self._restart()
@@ -240,14 +244,12 @@ class Process:
             self._refuse(diagnostic)
 
     def _log(self, diagnostic: Diagnostic) -> None:
-        """Log a condition, unless it has changed meanwhile or was the last one logged."""
-        first, last = diagnostic.name not in self._logged, self._logged.get(diagnostic.name)
-        if last == _level_and_text(diagnostic) or _level_and_text(self.diagnostics[diagnostic.name]) != _level_and_text(
-            diagnostic
-        ):
+        """Log a condition, unless it has changed meanwhile or is one of the last without a recovery in between."""
+        now, logged = _level_and_text(diagnostic), self._logged.setdefault(diagnostic.name, [])
+        if now in logged or _level_and_text(self.diagnostics[diagnostic.name]) != now:
             return
-        self._logged[diagnostic.name] = _level_and_text(diagnostic)
-        level = logging.DEBUG if first and diagnostic.level == Level.OK else _LOG_LEVELS.get(diagnostic.level)
+        level = logging.DEBUG if not logged and diagnostic.level == Level.OK else _LOG_LEVELS.get(diagnostic.level)
+        self._logged[diagnostic.name] = [now] if diagnostic.level == Level.OK else [*_faults(logged), now]
         LOG.log(level or logging.ERROR, "%s: %s", diagnostic.name, diagnostic.message)
 
     def _refuse(self, diagnostic: Diagnostic) -> None:
@@ -332,7 +334,12 @@ class Process:
 
 def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
     """Level and sentence of a condition, without its figures."""
-    return diagnostic.level, diagnostic.message
+    return diagnostic.level, _FIGURE.sub("#", diagnostic.message)
+
+
+def _faults(logged: Sequence[tuple[Level, str]]) -> list[tuple[Level, str]]:
+    """The conditions that are no recovery."""
+    return [(level, text) for level, text in logged if level != Level.OK]
 
 
 def _lateness(is_late: bool, left_out: int, late_s: float) -> Diagnostic:
