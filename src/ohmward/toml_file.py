@@ -23,7 +23,7 @@ from ohmward.toml_comments import with_comments
 
 T = TypeVar("T")
 #: Significant digits of a number in a file.
-DIGITS = 6
+FILE_DIGITS = 6
 _NUMBERS_PER_LINE = 10
 _PREFIX = "ohmward-"
 _KEY_PARTS = 64
@@ -39,7 +39,7 @@ class TomlFile(Generic[T]):
     cls: type[T]  #: the dataclass that it holds, which may contain others and tuples of them, and checks its values
     format: str  #: name and version, such as "ohmward-battery/1"; the first key of every file
     header: str  #: comments at the head, lines that start with "#"
-    digits: int = DIGITS  #: significant digits of the numbers written
+    digits: int = FILE_DIGITS  #: significant digits of the numbers written
     #: class -> value of its key `kind`, for fields that may hold one of several dataclasses
     kinds: Mapping[type, str] = field(default_factory=dict)
     #: sub-table -> keys that it shares with the head of the file and that are written only there

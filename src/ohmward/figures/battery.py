@@ -30,7 +30,7 @@ SOC_AXIS = "State of charge [%]"
 #: Samples drawn of a quantity that changes over hours, such as offset and capacity: lines and bands need no more.
 _MOST_SLOW = 100_000
 #: Bars of a histogram.
-_BINS = 80
+_HISTOGRAM_BINS = 80
 #: More lines than this cannot be distinguished: then only the emptiest and the fullest cells are drawn.
 _MOST_CELL_LINES = 6
 #: Flags that are drawn, and the meaning of their colours.
@@ -277,7 +277,7 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str) -> Figure:
     if not known.size:
         return Figure(title, x_label, "Density", [], height_px=220)
     low, high = np.quantile(known, [0.001, 0.999])
-    density, edges = np.histogram(known, _BINS, (low, high if high > low else low + 1e-9), density=True)
+    density, edges = np.histogram(known, _HISTOGRAM_BINS, (low, high if high > low else low + 1e-9), density=True)
     middle = 0.5 * (edges[1:] + edges[:-1])
     mean, std = known.mean(), max(known.std(), 1e-12)
     normal = np.exp(-0.5 * ((middle - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))

@@ -13,7 +13,7 @@ import numpy as np
 from ohmward.report.axis import WallClock, XAxis, decimals, shared_x, value_decimals
 from ohmward.report.figure import MEANING, Band, Figure, Series, colours
 
-DIGITS: Final = 5
+FIGURE_DIGITS: Final = 5
 """Digits of the usual variation of a column that stay: ten times what one screen shows."""
 X_DIGITS: Final = 9
 """Digits of the extent of an x axis that stay: a thousand steps for each of a million samples."""
@@ -62,7 +62,7 @@ def _packed_x(x: np.ndarray, x_axis: XAxis) -> dict[str, Any]:
 
 def _packed_y(y: np.ndarray, logarithmic: bool) -> dict[str, Any]:
     """In steps of the usual variation; as 32-bit floats where these do not fit: on a log axis, beside a huge spike."""
-    per_unit = 10.0 ** value_decimals(y, DIGITS)
+    per_unit = 10.0 ** value_decimals(y, FIGURE_DIGITS)
     known = np.isfinite(y)
     low, high = (float(y.min(initial=np.inf, where=known)), float(y.max(initial=-np.inf, where=known)))
     extremes = {"extremes": [low, high] if low <= high else [0.0]}

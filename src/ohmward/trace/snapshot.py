@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.toml_file import DIGITS
+from ohmward.toml_file import FILE_DIGITS
 from ohmward.trace.structure import Structure, flatten, leaves, scalar_names, shaped, structure_of
 
 #: Version of the dict's layout, raised when old snapshots can no longer be read. Version 1 had no checksum.
@@ -117,7 +117,7 @@ def _as_in_files(value: Any) -> Any:
         return {key: _as_in_files(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_as_in_files(item) for item in value]
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+    return float(f"{value:.{FILE_DIGITS}g}") if isinstance(value, float) else value
 
 
 _cached_identity = lru_cache(maxsize=32)(_identity)
