@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -64,14 +65,15 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     for data in timed:
         name = f"{data.name}[{data.multi_id}]" if data.multi_id else data.name
         columns = _named(_PX4, name, data.name, {key: v for key, v in data.data.items() if key != "timestamp"})
-        absent = [cell for cell in columns if cell.startswith("cell_voltage") and not np.any(columns[cell])]
-        measured = {column: values for column, values in columns.items() if column not in absent}
-        streams[name] = Stream(data.name, 1e-6 * np.asarray(data.data["timestamp"], float), measured)
+        streams[name] = Stream(data.name, 1e-6 * np.asarray(data.data["timestamp"], float), columns)
     damaged = (Note("the file is damaged: what could not be read was left out", "warning"),)
     sign = "discharge" if any(stream.type == "battery_status" for stream in streams.values()) else None
     notes = damaged if log.file_corruption or len(timed) < len(log.data_list) else ()
     return Streams(path.name, streams, "topics of PX4", _PX4, sign, notes, hints).open()
 
+
+#: Messages have room for more cells and wheels than there are: the others stay 0.
+_ABSENT = re.compile(r"cell_voltage|wheel_\w+_[23] ")
 
 _DATAFLASH_TEXT = b"FMT, 128,"
 #: First byte of packets of MAVLink 1 and 2 after a stamp of eight bytes, and stamps [us] of 2001 to 2100.
@@ -165,7 +167,7 @@ def _named(
     for field, column in known[type_].columns.items():
         if (name := field.removeprefix("-")) in arrays:
             found[column] = -arrays[name] if field.startswith("-") else arrays[name]
-    return found
+    return {column: values for column, values in found.items() if not (_ABSENT.match(column) and not np.any(values))}
 
 
 def _of_dataflash(reader: Any, path: Path) -> Iterator[_LoggedMessage]:

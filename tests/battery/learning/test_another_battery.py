@@ -11,7 +11,6 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.learn import learn_log
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
 from ohmward.logs.log import Note
 from ohmward_lab.simulate.voltage import simulate_voltage
@@ -74,7 +73,7 @@ def test_the_day_after_a_swap_back_is_learnt(taught):
 def test_a_day_that_the_file_does_not_fit_by_the_check_of_soc_is_set_aside(monkeypatch):
     """One policy: whatever `misfits` says of a log, it is not learnt."""
     wrong = (Note("the battery file does not fit the log: as soc says", "warning"),)
-    monkeypatch.setattr(sys.modules[SocEstimator.__module__], "misfits", lambda *_: wrong)
+    monkeypatch.setattr(sys.modules[learn_log.__module__], "misfits", lambda *_, **__: wrong)
     before = generic_battery("nmc", 12.0, 3)
     after, update = learn_log(before, day(MODEL, 1))
     assert after is before and update.verdict == "set aside"

@@ -68,10 +68,9 @@ class GyroWatch(NamedTuple):
     wheels_rad: Any = 0.0  #: turn by the wheels
     rims_m: Any = 0.0  #: distance covered by their rims
     mirrored_s: Any = 0.0  #: time for which gyro and wheels have turned in opposite directions, less that in the same
-    #: since that was above 0: turn by the wheels less that by the gyro, the largest of it, and distance of the rims
-    mirrored_rad: Any = 0.0
-    most_rad: Any = 0.0
-    mirrored_m: Any = 0.0
+    mirrored_rad: Any = 0.0  #: turn by the wheels less that by the gyro since that was above 0
+    most_rad: Any = 0.0  #: the largest size of that turn since then
+    mirrored_m: Any = 0.0  #: distance covered by the rims since then
 
     @property
     def comparable(self) -> Scalar:
