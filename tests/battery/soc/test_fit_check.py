@@ -91,7 +91,7 @@ def test_the_charge_of_an_empty_battery_is_counted():
     log = Log("steady", time_s, np.full(360, -2.4), np.full(360, 12.8))
     soc = np.where(time_s < 1800.0, 0.5, 0.0)
     estimates = SocEstimate(*[soc] * len(SocEstimate._fields))
-    assert given_after_empty(LFP, log, estimates) == pytest.approx(0.1, rel=0.01)
+    assert given_after_empty(LFP, log.charge_Ah(), estimates) == pytest.approx(0.1, rel=0.01)
 
 
 def test_a_run_says_that_its_battery_does_not_fit(tested):
@@ -117,7 +117,9 @@ def moved(soc, std=0.05, current_A=0.0, flags=0.0, offset_std_A=0.0, offset_A=0.
     log = Log("moved", np.linspace(0.0, duration_s, T), np.full(T, current_A), np.full(T, 3.7))
     values = {"soc": soc, "soc_std": std, "flags": flags}
     estimates = SocEstimate(*(np.broadcast_to(values.get(name, 0.0), T) for name in SocEstimate._fields))
-    return moved_uncounted(log, estimates, 1.0, CurrentSensor(1.0, offset_std_A=offset_std_A, offset_A=offset_A))
+    return moved_uncounted(
+        log.time_s, log.charge_Ah(), estimates, 1.0, CurrentSensor(1.0, offset_std_A=offset_std_A, offset_A=offset_A)
+    )
 
 
 def test_a_charge_that_moves_by_itself_is_measured_in_its_deviations_before():

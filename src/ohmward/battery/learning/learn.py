@@ -64,6 +64,7 @@ from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
@@ -214,8 +215,9 @@ def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
 
 def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float | None) -> str:
     """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
+    estimator = make_estimator(DEFAULT, battery)
     for part in parts:
-        run = SocEstimator(battery, initial_soc if part is parts[0] else None).run(part)
+        run = SocEstimator(estimator, initial_soc if part is parts[0] else None).run(part)
         if found := misfits(battery, part, run.settings, run.estimates, in_itself=False):
             return found[0].text
     return ""

@@ -69,7 +69,7 @@ def _needed(
     in_itself: bool,
 ) -> list[str]:
     """Errors that it would take to explain the log with this file, but that sensor and battery cannot have."""
-    sensor = settings.sensor
+    sensor, charge_Ah = settings.sensor, log.charge_Ah()
     offset_A, capacity = float(estimates.current_offset_A[-1]), float(estimates.soh_capacity[-1])
     needed = []
     if sensor.contradicts(offset_A):
@@ -77,9 +77,9 @@ def _needed(
         needed.append(f"an offset of the current sensor of {offset_A:.3g} A, {times:.1f} times its standard deviation")
     if implausible_capacity(capacity):
         needed.append(f"a capacity of {capacity:.2g} times the file's")
-    if (after_empty := given_after_empty(battery, log, estimates)) > MOST_AFTER_EMPTY:
+    if (after_empty := given_after_empty(battery, charge_Ah, estimates)) > MOST_AFTER_EMPTY:
         needed.append(f"{after_empty:.0%} of its capacity given after it was empty")
-    moved = moved_uncounted(log, estimates, battery.capacity_Ah, sensor) if in_itself else 0.0
+    moved = moved_uncounted(log.time_s, charge_Ah, estimates, battery.capacity_Ah, sensor) if in_itself else 0.0
     if moved > MOST_MOVED:
         needed.append(f"a state of charge that moved by itself, by {moved:.1f} of its standard deviations")
     if (excess := lasting_error(log.time_s, estimates)) > MOST_EXCESS:
@@ -87,25 +87,31 @@ def _needed(
     return needed
 
 
-def given_after_empty(battery: Battery, log: Log, estimates: SocEstimate) -> float:
-    """Charge that the battery gave on balance where the estimate was empty, over the capacity of the file."""
-    charge_Ah = log.charge_Ah()
+def given_after_empty(battery: Battery, charge_Ah: np.ndarray, estimates: SocEstimate) -> float:
+    """Charge that the battery gave on balance where the estimate was empty, over the capacity of the file.
+
+    charge_Ah: (T,) counted along the log.
+    """
     empty = estimates.soc < AFTER_EMPTY_SOC
     moved_Ah = np.diff(charge_Ah, prepend=charge_Ah[0])[empty]
     return -float(np.nansum(moved_Ah)) / battery.capacity_Ah
 
 
-def moved_uncounted(log: Log, estimates: SocEstimate, capacity_Ah: float, sensor: CurrentSensor) -> float:
+def moved_uncounted(
+    time_s: np.ndarray, charge_Ah: np.ndarray, estimates: SocEstimate, capacity_Ah: float, sensor: CurrentSensor
+) -> float:
     """Largest move of the state of charge beyond the counted charge, over the standard deviation before it.
 
     The means of a filter are a martingale: later ones lie about an earlier one as widely as it is uncertain. The
     counted charge is without the offset of the file.
+
+    time_s, charge_Ah: (T,) along the log.
     """
-    rows = np.unique(np.linspace(0, len(log) - 1, min(_COMPARED, len(log))).astype(int))
+    rows = np.unique(np.linspace(0, len(time_s) - 1, min(_COMPARED, len(time_s))).astype(int))
     part = np.cumsum((np.asarray(estimates.flags).astype(int) & int(_APART)) > 0)[rows]
-    time_s = log.time_s[rows]
+    time_s = time_s[rows]
     offset_Ah = sensor.offset_A / SECONDS_PER_HOUR * (time_s - time_s[0])
-    counted = (log.charge_Ah()[rows] - offset_Ah) / capacity_Ah
+    counted = (charge_Ah[rows] - offset_Ah) / capacity_Ah
     apart = np.subtract.outer(estimates.soc[rows] - counted, estimates.soc[rows] - counted)
     counted_std = COUNTED_STD * np.subtract.outer(counted, counted)
     offset_std = sensor.offset_std_A / SECONDS_PER_HOUR / capacity_Ah * np.subtract.outer(time_s, time_s)
