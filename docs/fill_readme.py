@@ -1,8 +1,9 @@
-"""Fill the two tables of README.md and of the paper from the benchmarks: `python docs/fill_readme.py`.
+"""Fill the two tables of README.md and of the paper, and that of the range, from the benchmarks.
 
-Five rows each, in words that a user knows; the rows are named here, the figures come from `benchmarks/accuracy.md`,
-`benchmarks/speed.md` and `benchmarks/firmware.md`. Among the rows are one in which plain coulomb counting is better and
-one in which a peer is nearly as fast.
+`python docs/fill_readme.py`: five rows each in README.md and the paper, in words that a user knows; the rows are named
+here, the figures come from `benchmarks/accuracy.md`, `benchmarks/drive_to_empty.md`, `benchmarks/speed.md` and
+`benchmarks/firmware.md`. Among the rows are one in which plain coulomb counting is better and one in which a peer is
+nearly as fast.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import NamedTuple
 from marked_block import replaced
 
 ROOT = Path(__file__).parents[1]
-README, PAPER, BENCHMARKS = ROOT / "README.md", ROOT / "paper" / "paper.md", ROOT / "benchmarks"
+README, PAPER, ENERGY = ROOT / "README.md", ROOT / "paper" / "paper.md", ROOT / "docs" / "energy.md"
+BENCHMARKS = ROOT / "benchmarks"
 DATA, METHOD, START, QUANTITY = "data", "method", "start", "quantity"
 RMSE, COVERAGE, VALUE = "RMSE", "coverage of 95 %", "value"
 OVERVIEW = "## One log, in short"
@@ -50,6 +52,12 @@ RANGE_ERROR, COUNTED_RANGE = (
     "median error of P50, from half charge on [%]",
     "the same by counting and the mean consumption",
 )
+RANGE_ASKED = {
+    "not known": "",
+    "known": ", course known",
+    "not known, after a day to the cut-off": ", after a day to the cut-off",
+    "known, after a day to the cut-off": ", course known, after a day to the cut-off",
+}
 LIVE = "`update()`, the default, a sum of three extended filters, machine code"
 PEERS = (
     ("FilterPy", "as documented", "UKF, 3 states"),
@@ -61,12 +69,15 @@ ON_CHIP = "textbook-ukf, every 1 s, curve within 4 mV"
 
 def main() -> None:
     """Rewrite the blocks between the markers; a block whose benchmark is absent is empty."""
-    for text in (README, PAPER):
-        text.write_text(filled(text.read_text(encoding="utf-8")), encoding="utf-8")
+    for path in (README, PAPER, ENERGY):
+        path.write_text(filled(path), encoding="utf-8")
 
 
-def filled(text: str) -> str:
-    """The text of README or paper with its tables made anew."""
+def filled(path: Path) -> str:
+    """The text of this page with its tables made anew."""
+    text = path.read_text(encoding="utf-8")
+    if path == ENERGY:
+        return replaced(text, "range", range_table(page("drive_to_empty.md")))
     with_accuracy = replaced(text, "accuracy", accuracy_table(page("accuracy.md"), page("drive_to_empty.md")))
     return replaced(with_accuracy, "speed", speed_table(page("speed.md"), page("firmware.md")))
 
@@ -92,14 +103,31 @@ def accuracy_table(text: str, to_empty: str) -> list[str]:
     lines.append(
         f"| Slip of an omni-directional robot on a slippery floor, mean of a run | {slip:.3f} | | {coverage} % |"
     )
-    ranges = [row for row in read_rows(to_empty, "drives") if row["drives"].startswith("all ")]
-    if ranges:
-        found = {row["quantity"]: row["value"] for row in ranges}
+    if found := range_figures(to_empty):
         lines.append(
             f"| Range of simulated robots driven to empty, from half charge on, median | {found[RANGE_ERROR]} % | "
             f"{found[COUNTED_RANGE]} % | {found[RANGE_COVERAGE]} % between P10 and P90 (80 is right) |"
         )
     return lines
+
+
+def range_table(to_empty: str) -> list[str]:
+    """Errors and coverage of the range; none without the benchmark."""
+    found = range_figures(to_empty)
+    if not found:
+        return []
+    lines = ["| ground ahead | median error of P50 | truth within P10-P90 | below P10 |", "|---|---|---|---|"]
+    for words, asked in RANGE_ASKED.items():
+        error = found[f"median error of P50{asked}, from half charge on [%]"]
+        inside, below = found[f"truth within P10-P90{asked} [%]"], found[f"truth below P10{asked} [%]"]
+        lines.append(f"| {words} | {error} % | {inside} % | {below} % |")
+    best = found["the same at best over unknown ground"]
+    return [*lines, f"| not known, but charge and robot are: the best possible | {best} % | | |"]
+
+
+def range_figures(to_empty: str) -> dict[str, str]:
+    """Values over all drives to the empty battery, by quantity."""
+    return {row["quantity"]: row["value"] for row in read_rows(to_empty, "drives") if row["drives"].startswith("all ")}
 
 
 def speed_table(speed: str, firmware: str) -> list[str]:
