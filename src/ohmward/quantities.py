@@ -181,6 +181,12 @@ _TABLE = (
         "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
     ),
     Quantity(
+        "steering_rad", "angle of the steered wheel, or of the middle of two, > 0 to the left", "body", "rad",
+        ValueLimits(-math.pi, math.pi),
+        words_of("steering", "steer", *each_with_each("steering steer", "angle position pos"), "lenkwinkel"),
+        "rad or deg",
+    ),
+    Quantity(
         "acceleration_m_s2", "acceleration along x, gravity included", "body", "m/s2", ValueLimits(-200.0, 200.0),
         words_of(*each_with_each("acceleration accel acc", "- x forward long longitudinal"), "a x",
                  *(f"linear {name}" for name in each_with_each("acceleration accel acc", "x forward"))),

@@ -10,7 +10,10 @@ from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE
 
 
-@pytest.mark.parametrize(("layout", "driven"), [("two-wheel", 2), ("skid-steer", 4), ("mecanum", 4), ("omni", 3)])
+@pytest.mark.parametrize(
+    ("layout", "driven"),
+    [("two-wheel", 2), ("skid-steer", 4), ("car", 2), ("tricycle", 2), ("mecanum", 4), ("omni", 3)],
+)
 def test_it_is_a_robot_of_these_sizes(layout, driven):
     robot = generic_robot(60.0, 0.1, 0.45, 0.5, 5.0, layout)
     assert robot.mass_kg == 60.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -72,6 +72,8 @@ class DriveLog(TimeSeries):
     #: of a compass or two GNSS antennas, > 0 to the left, from an arbitrary zero; its standard deviation
     heading_rad: np.ndarray | None = None
     heading_std_rad: np.ndarray | None = None
+    #: of the steered wheel of a robot whose rear wheels' speeds follow from it, > 0 to the left
+    steering_rad: np.ndarray | None = None
     #: (T,) each: further quantities of the body by name, and numeric columns of the file by theirs, ground truth too
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped while reading
@@ -178,7 +180,32 @@ def read_drive(
         return table.with_columns({name: numbers(table, name) for name in measured})
 
     rows = read_recording(file, found.columns, wanted, to_numbers)
-    return _as_log(file, rows, found, wheels, mechanics).part(file.hints)
+    log = _as_log(file, rows, found, wheels, mechanics).part(file.hints)
+    return _by_steering(file.source, log, robot.chassis) if wheels.steered else log
+
+
+def _by_steering(source: str, log: DriveLog, chassis: Any) -> DriveLog:
+    """The log of a steered robot with the speeds of its rear wheels, from the measured one and the steering angle."""
+    if np.isfinite(log.wheel_speed_rad_s[:, 1]).any():
+        return log
+    if "steering_rad" not in log.channels:
+        raise InputError(
+            f"{source}: no column for the steering angle found; name it with --column steering=NAME (columns="
+            '{"steering": "NAME"}), or use a robot file of kind two-wheel for encoders at both rear wheels'
+        )
+    assert log.steering_rad is not None
+    known = np.isfinite(log.steering_rad)
+    usual_rad, most_rad = float(np.nanmedian(np.abs(log.steering_rad))), chassis.steepest_rad
+    if usual_rad > most_rad:
+        raise InputError(
+            f"{source}: steering angles are usually {usual_rad:.3g} rad, beyond {most_rad:.2g}; in degrees? then say "
+            "--unit steering=deg (units={'steering': 'deg'}), or correct the file"
+        )
+    steering_rad = on_lines(log.time_s, log.time_s[known], log.steering_rad[known])
+    speeds = chassis.wheel_speeds(log.wheel_speed_rad_s, steering_rad)
+    note = Note(f"speeds of the rear wheels from the steering angle and the speed at the {chassis.measured}")
+    no_current_A = np.full(log.motor_current_A.shape, math.nan)  # they show no force of the rear wheels
+    return replace(log, wheel_speed_rad_s=speeds, motor_current_A=no_current_A, notes=(*log.notes, note))
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:
@@ -214,7 +241,7 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
         notes.append(Note(text, "warning"))
     for channel in WHEEL:
         absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
-        if absent:
+        if absent and not wheels.steered:
             notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
     of_body = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body" and quantity.channel in body]
     values = {quantity.field: body[quantity.channel] for quantity in of_body}
@@ -238,7 +265,8 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
     """The wheels of a robot, or from their names and the number of driven ones; InputError for anything else."""
     if hasattr(robot, "places") and driven in (None, robot.driven):
-        return Wheels(tuple(place.name for place in robot.places), robot.driven)
+        steered = hasattr(robot.chassis, "wheel_speeds")
+        return Wheels(tuple(place.name for place in robot.places), robot.driven, steered)
     names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()
     if not names or driven is None or not 0 <= driven <= len(names):
         raise InputError(

@@ -39,10 +39,14 @@ _CORNERS_IN_ORDER = ("front", "rear", "left", "right")
 
 
 class Wheels(NamedTuple):
-    """The wheels to look for: their names, driven ones first, and the number of driven ones."""
+    """The wheels to look for: their names, driven ones first, and the number of driven ones.
+
+    steered: the speeds of the driven wheels may follow from one, of the first of them, and a steering angle.
+    """
 
     places: Sequence[str]
     driven: int
+    steered: bool = False
 
     @property
     def driven_places(self) -> Sequence[str]:
@@ -117,7 +121,7 @@ def find_drive_columns(
     speeds = find_wheels(source, free, WHEEL_SPEED, wheels, given)
     if not speeds.columns:
         speeds = find_wheels(source, free, WHEEL_COUNTS, wheels, given)
-    currents = find_wheels(source, free, MOTOR_CURRENT, wheels, given)
+    currents = Found({}, False) if wheels.steered else find_wheels(source, free, MOTOR_CURRENT, wheels, given)
     body = {channel.name: find_column(source, free, channel, {}, {}) for channel in BODY if channel.name not in given}
     named = {quantity: named_column(source, names, quantity, name) for quantity, name in given.items()}
     found = {TIME.name: time, **speeds.columns, **currents.columns, **body, **named}
@@ -144,6 +148,8 @@ def _meant(quantity: str, wheels: Wheels) -> list[str]:
     """The channels that a name in --column stands for; InputError where this robot has no such channel."""
     if quantity in wheels.quantities:
         return [quantity]
+    if wheels.steered and quantity == WHEEL_SPEED.name:
+        return list(wheels.of(WHEEL_SPEED).values())[:1]
     side, _, kind = quantity.partition("_")
     served = [place for place in wheels.driven_places if side in place.split("_")]
     if side not in SIDES or kind not in [channel.name for channel in WHEEL] or not served:
@@ -161,6 +167,10 @@ def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Whe
     """
     wanted = {place: quantity for place, quantity in wheels.of(channel).items() if quantity not in given}
     candidates = [found for name in names if (found := _of_wheel(name, channel))]
+    if wheels.steered and not any(c.corner & SIDES for c in candidates):
+        one = [found.column for name in names if (found := _of_wheel(name, channel, alone=True))]
+        first = next(iter(wanted.values()), "")
+        return Found({first: only_one(source, names, channel.name, one)} if one and first else {}, False)
     for find in (_by_corner, _by_number):
         fits = {place: find(candidates, place, wheels) for place in wanted}
         columns = {
@@ -201,8 +211,11 @@ def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> li
     return [c.column for c in numbered if c.number == first + index]
 
 
-def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
-    """The name as a channel of a wheel, if all its words are known and one of them, or a unit of speed, names it."""
+def _of_wheel(name: str, channel: Channel, alone: bool = False) -> _OfWheel | None:
+    """The name as a channel of a wheel, if all its words are known and one of them, or a unit of speed, names it.
+
+    alone: it needs no corner and no number, but a word or a unit that tells it from the speed of the body.
+    """
     if signal := _SIGNAL.fullmatch(name):
         if _SIGNALS[signal["quantity"]] is not channel:
             return None
@@ -220,7 +233,8 @@ def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
         rest, corner, numbers = _place(stem)
         named = bool(rest & naming) or (channel is WHEEL_SPEED and unit is not None)
         known = rest <= naming | channel.beside[0] and len(numbers) <= 1
-        if named and known and (corner or numbers):
+        of_rotation = bool(rest & channel.beside[0]) or (unit is not None and unit.dimension != "speed")
+        if named and known and (corner or numbers or (alone and of_rotation)):
             return _OfWheel(Column(name, unit), corner, next(iter(numbers), None))
     return None
 
@@ -249,7 +263,8 @@ def _no_wheels(source: str, names: Sequence[str], wheels: Wheels) -> InputError:
     chosen = {f"{side}_{WHEEL_SPEED.name}": of_side[0] for side, of_side in sides.items() if len(of_side) == 1}
     if len(chosen) < len(sides) or not any(SIDES & set(place.split("_")) for place in wheels.driven_places):
         chosen = {}
-    given = chosen or {f"{wheels.places[0]}_{WHEEL_SPEED.name}": "NAME"}
+    one = WHEEL_SPEED.name if wheels.steered else f"{wheels.places[0]}_{WHEEL_SPEED.name}"
+    given = chosen or {one: "NAME"}
     options = [f"{quantity}={name}" for quantity, name in given.items()]
     return InputError(
         f"{source}: no column for the speed of a wheel found; it has: {listed(names)}; name each with "

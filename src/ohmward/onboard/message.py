@@ -21,6 +21,7 @@ from ohmward.checks import require_finite
 from ohmward.errors import InputError, OhmwardError
 from ohmward.quantities import BODY, GROUPS, QUANTITIES, Quantity, quantity_of
 from ohmward.traction.inbox import WHEELS
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 
 
@@ -292,6 +293,8 @@ def unmeasured_wheels(signals: Iterable[str], robot: Robot) -> list[str]:
     """Names of the driven wheels of which none of the signals gives the speed or the counts."""
     places = [place.name for place in robot.places]
     measured = {wheel_number(s, places) for s in signals if s.startswith(("wheel_speed", "wheel_counts"))}
+    if isinstance(robot.chassis, Steered) and 0 in measured:
+        return []
     return [place for k, place in enumerate(places[: robot.driven]) if k not in measured]
 
 

@@ -33,6 +33,7 @@ from ohmward.logs.wheel_columns import POSITIONS, Found, Wheels, find_wheels, wh
 from ohmward.onboard.message import ScaledSignal, unmeasured_wheels
 from ohmward.quantities import QUANTITIES, limits_of, quantity_of
 from ohmward.signals.current_sign import SignEvidence, sign_evidence
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 
 #: Words for a motor, whose speed may be measured before the gear.
@@ -190,7 +191,8 @@ class _Finder:
         places = tuple(p.name for p in robot.places) if robot else wheel_places(list(texts))
         if not places:
             return
-        wheels = Wheels(places, robot.driven if robot else len(places))
+        steered = robot is not None and isinstance(robot.chassis, Steered)
+        wheels = Wheels(places, robot.driven if robot else len(places), steered)
         for kind in (WHEEL_SPEED, WHEEL_COUNTS, MOTOR_CURRENT):
             taken = {signal.partition(".")[0] for signal in self.matches}
             if kind is WHEEL_COUNTS and taken & {"wheel_speed_rad_s", "wheel_counts"}:

@@ -37,6 +37,7 @@ from ohmward.traction.motion_check import (
     contradiction,
     motion_of,
 )
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
@@ -212,7 +213,11 @@ def _at_common_times(
     time_s = max((found[signal].time_s for signal in names.values()), key=len)
     values = {k: np.interp(time_s, found[s].time_s, found[s].values) for k, s in names.items()}
     unknown = np.full(time_s.size, np.nan)
-    return np.array([values.get(k, unknown) for k in range(len(places))]), values.get(len(places)), names
+    speeds = np.array([values.get(k, unknown) for k in range(len(places))])
+    if isinstance(robot.chassis, Steered) and (steering := found.get("steering_rad")):
+        speeds = robot.chassis.wheel_speeds(speeds.T, np.interp(time_s, steering.time_s, steering.values)).T
+        names |= {0: "steering_rad", 1: "steering_rad"}
+    return speeds, values.get(len(places)), names
 
 
 def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[Diagnostic]:

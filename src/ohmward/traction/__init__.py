@@ -12,7 +12,7 @@ from ohmward.traction.friction.terrain import (
 )
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
-from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, TwoWheeled
+from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.packaged import RLMA, ROBOTINO, SEEDER, load_robot
 from ohmward.traction.robot.robot import Robot, Wheel, save_robot
@@ -34,6 +34,7 @@ __all__ = [
     "RollingResistance",
     "SensorInbox",
     "SkidSteer",
+    "Steered",
     "Terrain",
     "TwoWheeled",
     "Wheel",

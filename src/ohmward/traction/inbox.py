@@ -20,6 +20,7 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.quantities import BODY
 from ohmward.traction.motion.sample import SHORTER
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.encoders import differences
 
@@ -97,6 +98,7 @@ class SensorInbox:
         self.prompt = prompt
         self.left_out = 0
         self._wheels, self._driven = len(robot.places), robot.driven
+        self._steers = isinstance(robot.chassis, Steered)
         self._waiting: list[tuple[float, int, _Message]] = []
         self._order = count()
         self._newest_s = self._taken_s = -math.inf
@@ -109,6 +111,8 @@ class SensorInbox:
         self._currents: list[list[float]] = []
         self._rates: dict[str, list[float]] = {}
         self._body: dict[str, float] = {}
+        #: Last steering angle and its stamp.
+        self._steering = (math.nan, -math.inf)
 
     def put(
         self,
@@ -122,7 +126,8 @@ class SensorInbox:
         """Take in a message.
 
         stamp_s: time of its measurement.
-        wheel_speed_rad_s, wheel_counts: (wheels,) or (driven,), nan or None for wheels without a value.
+        wheel_speed_rad_s, wheel_counts: (wheels,) or (driven,), nan or None for wheels without a value; of a steered
+            robot that has only one, in the place of the first. Its steering angle holds for `silence_s`.
         current_A: (driven,), likewise.
         body: any of `BODY`.
 
@@ -245,6 +250,8 @@ class SensorInbox:
                 self._rates.setdefault(name, []).append(value)
             elif math.isfinite(value):
                 self._body[name] = value
+                if name == "steering_rad":
+                    self._steering = value, message.stamp_s
                 if name == "speed_m_s":
                     self._speed_s = message.stamp_s
 
@@ -257,6 +264,9 @@ class SensorInbox:
         sample |= {name: _mean(values) for name, values in self._rates.items()}
         if self._currents:
             sample["current_A"] = np.array([_mean(column) for column in zip(*self._currents, strict=True)])
+        sample.pop("steering_rad", None)
+        if self._steers and abs(self._sample_s - self._steering[1]) < self.silence_s:
+            sample["steering_rad"] = self._steering[0]
         if "speed_m_s" in sample:
             waited_s = max(self._sample_s - self._speed_s, 0.0)
             sample["speed_age_s"] = waited_s + self._body.get("speed_age_s", 0.0)

@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
 from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES
-from ohmward.traction.robot.chassis import PLANAR
+from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
 #: Other wheels agree on a motion within this, and the wheel that is stuck differs from it by more.
@@ -82,7 +82,7 @@ def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tu
         fix = "scale = -1" if place == "setup" else "change the sign in the file, or say with --column which is which"
         yield next(k for k in wrong if k < gyro), Finding("error", text, fix)
     elif wrong or _faster_than_gyro(robot, motion) < -1.0 / MOST_FASTER:
-        yield gyro, against_gyro(place)
+        yield gyro, against_gyro(robot, place)
 
 
 def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
@@ -107,12 +107,13 @@ def _fits(robot: Robot, faster: float) -> bool:
     return 1.0 / MOST_FASTER < faster < (SCRUBS if robot.chassis.scrubs else 1.0) * MOST_FASTER
 
 
-def against_gyro(place: Place) -> Finding:
+def against_gyro(robot: Robot, place: Place) -> Finding:
     """Wheels and gyro whose turns have opposite signs."""
-    text = (
-        "wheels and gyro turn against each other: wrong sign of the gyro, whose axis points down, or left and right "
-        "wheels are exchanged"
-    )
+    steered = isinstance(robot.chassis, Steered)
+    other = "a steering angle that counts to the right" if steered else "left and right wheels are exchanged"
+    text = f"wheels and gyro turn against each other: wrong sign of the gyro, whose axis points down, or {other}"
+    if steered:
+        return Finding("error", text, "scale = -1" if place == "setup" else "change the sign in the file")
     fixes = {
         "setup": "scale = -1, or exchange the names of the wheels",
         "log": "exchange the columns with --column, or change the sign of the yaw rate in the file",

@@ -99,7 +99,7 @@ def test_a_file_by_hand_needs_only_what_has_no_default():
         (
             'kind = "differential"',
             'kind = "tank"',
-            "chassis.kind must be one of differential, skid-steer, two-wheel, omni, mecanum; got 'tank'",
+            "chassis.kind must be one of differential, skid-steer, two-wheel, steered, omni, mecanum; got 'tank'",
         ),
         ('kind = "differential"\n', "", "chassis.kind must be one of .* got None"),
         ("robot/1", "robot/2", "format must be 'ohmward-robot/1', got 'ohmward-robot/2'"),

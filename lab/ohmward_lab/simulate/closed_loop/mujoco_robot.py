@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.dynamics.forces import EnergyBalance, kinetic_energy
 from ohmward.traction.friction.terrain import RollingResistance
-from ohmward.traction.robot.chassis import Mecanum, Omni, TwoWheeled
+from ohmward.traction.robot.chassis import Mecanum, Omni, Steered, TwoWheeled
 from ohmward.traction.robot.motor import copper_loss, friction_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, adhesion, surface
@@ -70,8 +70,8 @@ def parameters(robot: Robot, patch: Patch, rolling: float) -> RlmaParameters:
         InputError: a chassis without four wheels on two axles, or a drive with losses, which MuJoCo does not have.
     """
     motor, chassis = robot.motor, robot.chassis
-    if isinstance(chassis, Omni | Mecanum | TwoWheeled):
-        other = "casters" if isinstance(chassis, TwoWheeled) else "omni-wheels"
+    if isinstance(chassis, Omni | Mecanum | TwoWheeled | Steered):
+        other = {TwoWheeled: "casters", Steered: "a steered one"}.get(type(chassis), "omni-wheels")
         raise InputError(f'plant = "mujoco" has four wheels on two axles, not {other}; take plant = "own"')
     if motor.gear_efficiency < 1 or motor.friction_Nm or motor.damping_Nms_per_rad:
         raise InputError('plant = "mujoco" has no losses in the drive; take plant = "own", or drop them from the robot')

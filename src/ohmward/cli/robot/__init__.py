@@ -9,6 +9,7 @@ from ohmward.cli.parser import positive
 EXAMPLES = """\
   ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
   ohmward robot --layout mecanum --radius 0.05 --track 0.3 --wheelbase 0.25 --mass 9 -o robot.toml
+  ohmward robot --layout tricycle --radius 0.12 --track 0.6 --wheelbase 1.1 --mass 200 -o robot.toml
   ohmward robot robot.urdf -o robot.toml
   ohmward robot husky -o robot.toml
   ohmward robot robot.toml
@@ -35,9 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout",
         default="two-wheel",
-        choices=("two-wheel", "skid-steer", "mecanum", "omni"),
-        help="two driven wheels and a caster (default), also for a car with encoders at its rear wheels; four driven "
-        "wheels or tracks; four wheels with rollers at 45 degrees; three omni-wheels",
+        choices=("two-wheel", "skid-steer", "car", "tricycle", "mecanum", "omni"),
+        help="two driven wheels and a caster (default), also for a car with encoders at both rear wheels; four driven "
+        "wheels or tracks; a car with one speed, of its motor, and a steering angle; a tricycle whose front wheel is "
+        "driven and steered; four wheels with rollers at 45 degrees; three omni-wheels",
     )
     parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file; else it is only shown")

@@ -12,6 +12,7 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.wording import bullets, paragraphs
 from ohmward.errors import InputError
 from ohmward.onboard.sources.ros2 import wheel_of
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
 from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
@@ -76,9 +77,9 @@ def _facts(robot: Robot) -> dict[str, Any]:
 def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
     """Facts and a drawing, what was assumed, and what to do next."""
     robot, facts = found.robot, _facts(found.robot)
+    other = ", steers" if isinstance(robot.chassis, Steered) else ", rolls along"
     places = [
-        f"  {p.name:<12} {p.x_m:+.3f} m ahead, {p.y_m:+.3f} m left{'' if p.driven else ', rolls along'}"
-        for p in robot.places
+        f"  {p.name:<12} {p.x_m:+.3f} m ahead, {p.y_m:+.3f} m left{'' if p.driven else other}" for p in robot.places
     ]
     unlike = {wheel: joint for wheel, joint in found.joints.items() if wheel_of(joint) != wheel}
     named = ", ".join(f'{wheel} = "{joint}"' for wheel, joint in unlike.items())

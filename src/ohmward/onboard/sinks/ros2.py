@@ -35,7 +35,8 @@ class Ros2Sink(RosNetwork):
     odometry: str = "ohmward/odometry"
     twist: str = "ohmward/twist"
     diagnostics: str = "/diagnostics"
-    #: frames of REP 105; the base is at the middle of a two-wheeled robot's driven axle, else at the centre of gravity
+    #: frames of REP 105; the base is at the middle of a two-wheeled robot's driven axle or a steered one's rear axle,
+    #: else at the centre of gravity
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number

@@ -56,7 +56,8 @@ class Ros2Source(RosNetwork):
 
     battery_state: str = ""  #: topic of `sensor_msgs/BatteryState`
     joint_states: str = ""  #: topic of `sensor_msgs/JointState` with the wheel speeds
-    #: wheel -> joint, for names other than `front_left_wheel_joint` of the wheel `front_left`
+    #: wheel -> joint, for names other than `front_left_wheel_joint` of the wheel `front_left`; steering -> the joint
+    #: whose position is the steering angle
     joints: dict[str, str] = field(default_factory=dict)
     imu: str = ""  #: topic of `sensor_msgs/Imu`; its orientation, if any, gives the pitch
     #: roll, pitch and yaw [rad] of the IMU in the robot's frame, as in the URDF of its link: turned about z last
@@ -168,11 +169,15 @@ class Ros2Source(RosNetwork):
         return rotation(*self.imu_rpy)
 
     def _wheels(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-        """Wheel speeds by the names of the wheels."""
+        """Wheel speeds by the names of the wheels, and the steering angle."""
         wheels = self._wheel_of
         values = {}
         for path, joint in layout.texts.items():
-            speed = numbers.get(f"velocity{path.removeprefix('name')}")
+            number = path.removeprefix("name")
+            if wheels.get(joint) == "steering" and (angle_rad := numbers.get(f"position{number}")) is not None:
+                values["steering_rad"] = angle_rad
+                continue
+            speed = numbers.get(f"velocity{number}")
             if not path.startswith("name[") or speed is None or (wheels and joint not in wheels):
                 continue
             values[f"wheel_speed_rad_s.{wheels.get(joint) or wheel_of(joint)}"] = speed

@@ -19,7 +19,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, CalibrationDrive, Stretches, cut
-from ohmward.traction.robot.chassis import Mecanum, Omni
+from ohmward.traction.robot.chassis import Mecanum, Omni, Steered
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import RADIUS_STD
@@ -189,10 +189,12 @@ def calibrate_track(
         radius_share_std: relative error of that radius, which the track shares.
 
     Raises:
-        InputError: a robot whose wheels have rollers, or no steady stretch.
+        InputError: a robot whose wheels have rollers, a steered one, or no steady stretch.
     """
-    if isinstance(robot.chassis, Omni | Mecanum):
-        raise InputError(f"{robot.name} has no left and right side; leave the track out (--what, parts=)")
+    if isinstance(robot.chassis, Omni | Mecanum | Steered):
+        of_angle = isinstance(robot.chassis, Steered)
+        why = "turns by its steering angle: measure its wheelbase, and" if of_angle else "has no left and right side;"
+        raise InputError(f"{robot.name} {why} leave the track out (--what, parts=)")
     name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
     unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
     rows = cut(drives, robot, turning=True)

@@ -18,11 +18,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.estimator import PerWheel, number, numbers
 from ohmward.filters.sanitize import between, sanitize_step, some, within
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S, limits_of
 from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 
 S = TypeVar("S", bound=tuple[Any, ...])
@@ -62,6 +64,27 @@ def samples_of(log: DriveLog, robot: Robot, before_s: float = math.nan) -> Robot
     nothing = np.full(len(log), math.nan)
     body = {name: nothing if (values := getattr(log, name)) is None else values for name in RobotSample._fields[3:]}
     return RobotSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **body)
+
+
+def wheel_values(robot: Robot, wheel_speed_rad_s: PerWheel | None, steering_rad: float | None) -> np.ndarray:
+    """Speeds (wheels,) of a live sample; those of a steered robot from the measured one and the steering angle.
+
+    wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first; (1,) of a steered robot without encoders at both
+        rear wheels.
+
+    Raises:
+        InputError: a value is not a number, there is not one for each wheel, or no wheel of the robot steers.
+    """
+    wheels, chassis = len(robot.places), robot.chassis
+    if isinstance(chassis, Steered):
+        speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, wheels, robot.driven, 1)
+        return chassis.wheel_speeds(speeds, np.asarray(number("steering_rad", steering_rad)))
+    if steering_rad is not None:
+        raise InputError(
+            f"no wheel of robot {robot.name!r} steers; leave steering_rad out, or use a robot file of kind steered "
+            "(ohmward robot --layout car or tricycle)"
+        )
+    return numbers("wheel_speed_rad_s", wheel_speed_rad_s, wheels, robot.driven)
 
 
 def require_wheels(robot: Robot, log: DriveLog) -> None:

@@ -15,7 +15,7 @@ from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.outside_speed import ALARM
-from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
+from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of, wheel_values
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
@@ -69,9 +69,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         else:
             settings = pose_filter(robot if isinstance(robot, Robot) else load_robot(robot), noise)
         super().__init__(settings, lowering)
-        self._driven = settings.robot.driven
-        self._wheels = len(settings.robot.places)
-        self._no_current_A = np.full(self._driven, np.nan)
+        self._no_current_A = np.full(settings.robot.driven, np.nan)
 
     def update(
         self,
@@ -90,6 +88,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         increment_std: Increment | None = None,
         increment_s: float | None = None,
         increment_age_s: float = 0.0,
+        steering_rad: float | None = None,
         observed: SlipEstimate | None = None,
     ) -> OdometryEstimate:
         """Estimate after one live sample; None and nan mean missing. A bad sample is flagged (`OdometryFlag`).
@@ -98,7 +97,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
             there.
         wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Undriven wheels measure the motion, as they
-            neither creep nor spin.
+            neither creep nor spin. (1,) of a steered robot.
+        steering_rad: angle of its steered wheel, > 0 to the left; needed with each of its speeds.
         observed: estimate of a speed observer after the same sample. If it had the motor currents, its motion is used,
             and it already includes an outside speed; without them it adds nothing to the wheels, the gyro and the speed
             given here, and is ignored.
@@ -108,7 +108,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             InputError: a value is not a number, or an array has the wrong length.
         """
         time_s = number("time_s", time_s)
-        speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
+        speeds = wheel_values(self.settings.robot, wheel_speed_rad_s, steering_rad)
         if observed is not None and not force_known(self.settings.robot, observed):
             observed = None
         robot = RobotSample(

@@ -44,8 +44,8 @@ from ohmward.traction.odometry.modes import (
     ModeState,
     Turning,
     by_wheels,
+    each_shows_forward,
     first_modes,
-    rims_show_sideways,
     weigh,
 )
 from ohmward.traction.odometry.sample import Observed
@@ -172,7 +172,7 @@ def with_silent_wheels(
     x: (n,) state of the odometry before the step.
     """
     n, measured = robot.driven, clean.wheel_measured[: robot.driven]
-    if n < 2 or rims_show_sideways(robot):
+    if n < 2 or not each_shows_forward(robot):
         return clean, False
     turned = isfinite(clean.yaw_rate_rad_s)
     silent = some(measured) & logical_not(every(measured)) & (turned | holds(before.intervals)[GYRO])

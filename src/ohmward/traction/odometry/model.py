@@ -37,7 +37,7 @@ from ohmward.filters.linear_algebra import std
 from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
-from ohmward.traction.robot.chassis import SkidSteer
+from ohmward.traction.robot.chassis import SkidSteer, Steered
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
@@ -108,9 +108,25 @@ SCRUBBING = OdometryNoise(
 )
 
 
+#: Error of a steering angle [rad] that lasts, by a servo's or a potentiometer's zero, and one that changes, by play;
+#: relative error of its scale, with that of the linkage.
+STEERING_ZERO_RAD, STEERING_PLAY_RAD, STEERING_SCALE_STD = 0.015, 0.005, 0.05
+
+
 def noise_of(robot: Robot) -> OdometryNoise:
     """Default noise of a robot, from its file alone."""
-    noise = SCRUBBING if isinstance(robot.chassis, SkidSteer) else OdometryNoise()
+    chassis, noise = robot.chassis, OdometryNoise()
+    if isinstance(chassis, SkidSteer):
+        noise = SCRUBBING
+    elif isinstance(chassis, Steered):
+        # An error of the steering angle changes the speeds of the rear wheels as unequal radii do.
+        apart_per_rad = chassis.track_m / chassis.wheelbase_m / math.sqrt(2.0)
+        noise = replace(
+            noise,
+            turn_scale_std=STEERING_SCALE_STD,
+            wheel_difference_std=STEERING_ZERO_RAD * apart_per_rad,
+            slip_difference_share=STEERING_PLAY_RAD * apart_per_rad,
+        )
     return replace(noise, creep=rolling_creep(robot))
 
 

@@ -29,7 +29,7 @@ from ohmward.trace import clip, exp, log, logical_not, maximum, minimum, sqrt, w
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import MET_S
 from ohmward.traction.odometry.model import OdometryNoise
-from ohmward.traction.robot.chassis import PLANAR
+from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Standard deviation of the forward speeds of rolling wheels about their mean: [m/s], and over the speed.
@@ -96,18 +96,22 @@ def by_wheels(turn_rad_s: Scalar, scale: Scalar) -> Scalar:
 
 
 def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
-    """Driven wheels that slip in each mode: each one, and those of a side; empty if rims measure sideways speed."""
+    """Driven wheels that slip in each mode: each one, and those of a side; empty where none shows a slip by itself."""
     n = robot.driven
-    if rims_show_sideways(robot) or n < 2:
+    if n < 2 or not each_shows_forward(robot):
         return []
     sides = [tuple(i for i in range(n) if (robot.places[i].y_m > 0.0) is left) for left in (True, False)]
     return list(dict.fromkeys([*((i,) for i in range(n)), *(side for side in sides if 0 < len(side) < n)]))
 
 
-def rims_show_sideways(robot: Robot) -> bool:
-    """True where the driven wheels roll sideways too, so that each one's forward speed depends on the sideways one."""
+def each_shows_forward(robot: Robot) -> bool:
+    """True where each driven wheel, with the turn of a gyro, shows the forward speed by itself.
+
+    Not where wheels roll sideways too, nor where the speeds of two follow from one, and a steering angle.
+    """
     axes = robot.chassis.freedoms
-    return PLANAR[1] in axes and bool(np.any(robot.rolling[: robot.driven, axes.index(PLANAR[1])]))
+    rolls_sideways = PLANAR[1] in axes and bool(np.any(robot.rolling[: robot.driven, axes.index(PLANAR[1])]))
+    return not (rolls_sideways or isinstance(robot.chassis, Steered))
 
 
 def first_modes(robot: Robot) -> ModeState:
@@ -132,7 +136,7 @@ def weigh(
     """State and forward speed after a step.
 
     rims_m_s: (driven,) speeds of the rims.
-    mean_m_s: their mean forward speed; used alone without a gyro, and if the robot moves sideways too.
+    mean_m_s: their mean forward speed; used alone without a gyro, and where not `each_shows_forward`.
     refused: (driven,) conditions that a wheel has jumped and its speed is an older one.
     fresh: the condition that the step ended with a new value of the wheels.
     since_s: time since the previous value.
@@ -143,8 +147,8 @@ def weigh(
     rate = by_wheels(turning.rad_s, turning.scale)
     by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
     rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
-    sideways = rims_show_sideways(robot)
-    speeds = np.array([mean_m_s] if sideways else [by_wheel[part].mean() for part in rolling])
+    alone = each_shows_forward(robot)
+    speeds = np.array([by_wheel[part].mean() for part in rolling] if alone else [mean_m_s])
     by_rims = robot.motion_by_rims[-1] @ rims_m_s
     known, speed_variance, slip_variance = variances(before, rate, by_rims, turning, since_s, count_m_s, robot, noise)
     changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
@@ -177,7 +181,7 @@ def weigh(
     beyond = where(turning.holds, probability @ escaped, abs(mean_m_s - of_mean))
     # Wheels that roll, but differ by more than their turn explains: one of them may have begun to slip.
     apart = [
-        0.0 if sideways else sum((by_wheel[i] - v) ** 2 for i in part) / len(part)
+        sum((by_wheel[i] - v) ** 2 for i in part) / len(part) if alone else 0.0
         for part, v in zip(rolling, speeds, strict=True)
     ]
     most = loose_m_s * loose_m_s

@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.checks import require_each_positive, require_finite, require_positive
+from ohmward.checks import require_each_positive, require_finite, require_one_of, require_positive
 from ohmward.errors import InputError
 
 #: The motion of a body in the plane: forward and leftward speed [m/s], yaw rate [rad/s].
@@ -158,6 +158,64 @@ class TwoWheeled:
         driven = Place("left", self.axle_m, half), Place("right", self.axle_m, -half)
         casters = enumerate(self.casters_m, start=1)
         return (*driven, *(Place(f"caster_{k}", x_m, 0.0, driven=False) for k, x_m in casters))
+
+
+@dataclass(frozen=True)
+class Steered:
+    """A car or a tricycle with the speed of one wheel or axle and a steering angle, but no encoders at its rear wheels.
+
+    The rear wheels, which do not steer, roll about the point where their axis meets that of the steered one: a wheel
+    steered by d, or the middle of two (Ackermann's geometry), moves at v / cos(d) where the middle of the rear axle
+    moves at v, which turns at v tan(d) / wheelbase. So the two measured values give the speeds of both rear wheels, and
+    with these the robot is one with two driven wheels. Its motor currents are not used.
+    """
+
+    rear_m: float  #: distance of the rear axle behind the centre of gravity, > 0
+    wheelbase_m: float  #: distance between the rear axle and the steered one, > rear_m
+    track_m: float  #: distance between the rear wheels, > 0
+    #: where the speed is measured: "rear", of the rear axle, as by the motor of a car; "front", of the steered wheel
+    measured: str = "rear"
+
+    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
+    scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        require_each_positive("chassis.", self, "rear_m", "wheelbase_m", "track_m")
+        require_one_of("chassis.measured", self.measured, ("front", "rear"))
+        if self.rear_m >= self.wheelbase_m:
+            raise InputError(
+                f"chassis.rear_m must be below chassis.wheelbase_m = {self.wheelbase_m:g}, got {self.rear_m:g}: the "
+                "centre of gravity is between the axles"
+            )
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Rear left, rear right, and the steered one in front."""
+        half = self.track_m / 2
+        rear = Place("rear_left", -self.rear_m, half), Place("rear_right", -self.rear_m, -half)
+        return (*rear, Place("front", self.wheelbase_m - self.rear_m, 0.0, driven=False))
+
+    @property
+    def steepest_rad(self) -> float:
+        """Largest steering angle: across on forklifts, whose driven wheel steers; the rear axle shows no turn there."""
+        return math.pi if self.measured == "front" else 1.4
+
+    def wheel_speeds(self, measured: np.ndarray, steering_rad: np.ndarray) -> np.ndarray:
+        """Speeds (..., 3) of the wheels, nan where a value is missing; the front one has none of its own.
+
+        measured: (..., 3) the measured speed in the place of the rear left wheel; where the rear right one has a speed
+            too, both are their own.
+        steering_rad: (...) > 0 to the left.
+        """
+        measured = np.asarray(measured)
+        speed, own = measured[..., 0], np.isfinite(measured[..., 1])
+        steering_rad = np.where(np.abs(steering_rad) <= self.steepest_rad, steering_rad, np.nan)
+        along = speed * np.cos(steering_rad) if self.measured == "front" else speed
+        across = speed * np.sin(steering_rad) if self.measured == "front" else speed * np.tan(steering_rad)
+        apart = self.track_m / (2 * self.wheelbase_m) * across
+        found = np.stack([along - apart, along + apart, np.full(np.shape(apart), np.nan)], axis=-1)
+        return np.where(own[..., None], measured, found)
 
 
 @dataclass(frozen=True)

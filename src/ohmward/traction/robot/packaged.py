@@ -9,12 +9,12 @@ from pathlib import Path
 
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
-from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, TwoWheeled
+from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE, Robot, Wheel, disc_yaw_inertia, solid_box_yaw_inertia
 
 #: Layouts of the wheels of a generic robot.
-LAYOUTS = ("two-wheel", "skid-steer", "mecanum", "omni")
+LAYOUTS = ("two-wheel", "skid-steer", "car", "tricycle", "mecanum", "omni")
 
 #: Largest wheel radius of any robot [m].
 _LARGEST_WHEEL_M = 3.0
@@ -43,7 +43,8 @@ def generic_robot(
         diameter of the circle of its wheels.
     wheelbase_m: between the axles, or from the driven axle to the caster, > 0; None for the track.
     gear_ratio: turns of the motor for one of the wheel, > 0.
-    layout: of `LAYOUTS`: two driven wheels and a caster behind, four driven, four with rollers, three on a circle.
+    layout: of `LAYOUTS`: two driven wheels and a caster behind, four driven, a driven rear axle and a steered one, a
+        steered driven wheel in front of an axle, four with rollers, three on a circle.
 
     Raises:
         InputError: a size is impossible, or the layout is unknown.
@@ -59,12 +60,14 @@ def generic_robot(
     require_positive("wheelbase_m", base_m)
     require_positive("gear_ratio", gear_ratio)
     require_one_of("layout", layout, LAYOUTS)
-    chassis: TwoWheeled | SkidSteer | Mecanum | Omni
+    chassis: TwoWheeled | SkidSteer | Steered | Mecanum | Omni
     match layout:
         case "two-wheel":
             chassis = TwoWheeled(AXLE * base_m, track_m, (-(1.0 - AXLE) * base_m,))
         case "skid-steer":
             chassis = SkidSteer(base_m / 2, base_m / 2, track_m)
+        case "car" | "tricycle":
+            chassis = Steered(base_m / 2, base_m, track_m, "rear" if layout == "car" else "front")
         case "mecanum":
             chassis = Mecanum(base_m / 2, base_m / 2, track_m)
         case _:

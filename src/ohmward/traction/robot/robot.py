@@ -24,6 +24,7 @@ from ohmward.traction.robot.chassis import (
     Place,
     Rectangle,
     SkidSteer,
+    Steered,
     TwoWheeled,
     load_matrix,
     rolling_matrix,
@@ -72,7 +73,7 @@ class Robot(RichDisplay):
     name: str
     mass_kg: float
     yaw_inertia_kg_m2: float
-    chassis: Differential | SkidSteer | TwoWheeled | Omni | Mecanum
+    chassis: Differential | SkidSteer | TwoWheeled | Steered | Omni | Mecanum
     wheel: Wheel
     motor: Motor
     height_m: float = 0.0
@@ -216,6 +217,7 @@ CHASSIS: Mapping[type, str] = {
     Differential: "differential",
     SkidSteer: "skid-steer",
     TwoWheeled: "two-wheel",
+    Steered: "steered",
     Omni: "omni",
     Mecanum: "mecanum",
 }
@@ -223,7 +225,8 @@ _HEADER = """\
 # A robot as ohmward knows it. Edit what you know better; every key carries its unit.
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
 #   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m, and
-#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg),
+#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), steered (rear_m, wheelbase_m,
+#   track_m, measured = "rear" or "front", the axle whose speed is measured), omni (arm_m, bearings_deg),
 #   mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """

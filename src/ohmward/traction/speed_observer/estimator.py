@@ -16,10 +16,11 @@ from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
 from ohmward.trace.snapshot import take
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain
-from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
+from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of, wheel_values
 from ohmward.traction.odometry.estimator import SILENT_S, Odometry, are_silent, with_slip_of
 from ohmward.traction.odometry.measured_motion import WHEELS
 from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -80,7 +81,6 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         super().__init__(observer, lowering)
         self.observer = observer
         self._odometry = Odometry(robot, lowering) if isinstance(robot, Robot) else None
-        self._counts = len(observer.scene.robot.places), observer.scene.robot.driven
 
     def update(
         self,
@@ -93,6 +93,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         speed_m_s: float | None = None,
         speed_std_m_s: float | None = None,
         speed_age_s: float = 0.0,
+        steering_rad: float | None = None,
     ) -> SlipEstimate:
         """Estimate after one live sample. A bad sample is flagged, see `SlipFlag`; None and nan mean missing.
 
@@ -102,19 +103,21 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         time_s: of the sample. A late one (before the previous sample's time) is used without a step in time; if it is
             early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
             there.
-        wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.
-        current_A: (driven,) of the motors, > 0 drives forward.
+        wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first. (1,) of a steered robot.
+        current_A: (driven,) of the motors, > 0 drives forward; not used of a steered robot.
+        steering_rad: angle of its steered wheel, > 0 to the left; needed with each of its speeds.
         All others: see `RobotSample`. A sensor without noise settings in the observer is not used.
 
         Raises:
             InputError: a value is not a number, or there is not one for each wheel or motor.
         """
-        wheels, driven = self._counts
+        robot = self.observer.scene.robot
+        current_A = None if isinstance(robot.chassis, Steered) else current_A
         time_s = number("time_s", time_s)
         sample = RobotSample(
             self._since_last(time_s),
-            numbers("wheel_speed_rad_s", wheel_speed_rad_s, wheels, driven),
-            numbers("current_A", current_A, driven),
+            wheel_values(robot, wheel_speed_rad_s, steering_rad),
+            numbers("current_A", current_A, robot.driven),
             number("yaw_rate_rad_s", yaw_rate_rad_s),
             number("acceleration_m_s2", acceleration_m_s2),
             number("pitch_rad", pitch_rad),
