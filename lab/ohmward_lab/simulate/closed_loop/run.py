@@ -16,7 +16,6 @@ from ohmward.quantities import BODY
 from ohmward.traction.control import Report
 from ohmward.traction.dynamics.forces import EnergyBalance
 from ohmward.traction.dynamics.slip import driving_slip_ratio
-from ohmward.traction.inbox import HEADING
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
@@ -88,7 +87,7 @@ def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
 
 def body_signals(rows: RunRow) -> dict[str, Any]:
     """Measurements (T,) of the body by signal, nan where nothing was measured."""
-    found = {name: getattr(rows.sample, name) for name in BODY if name not in HEADING}
+    found = {name: getattr(rows.sample, name) for name in BODY if name in rows.sample._fields}
     found["speed_age_s"] = np.where(np.isfinite(rows.sample.speed_m_s), rows.sample.speed_age_s, np.nan)
     found["heading_rad"] = rows.heading_rad
     return found
