@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,17 @@ def test_milestones_add_up():
     energy = np.array([40_600.0, 70_600.0, 71_600.0])
     assert [m.energy_J.p50 for m in found.milestones] == pytest.approx(energy, rel=1e-5)
     assert [m.soc.p50 for m in found.milestones] == pytest.approx(0.5 - energy / 864e3, rel=1e-4)
+
+
+def test_a_task_takes_its_energy_once_and_not_on_the_way_back():
+    leg = Leg(2_000.0, "grass", 0.5)
+    (bare,), (tasked,) = (
+        get_home(certain(), [one], battery(), HALF).milestones for one in (leg, replace(leg, task_J=50e3))
+    )
+    assert tasked.energy_J.p50 - bare.energy_J.p50 == pytest.approx(50e3)
+    far = get_home(certain(), [Leg(10_000.0, "grass", 0.5, task_J=100e3)], battery(), HALF)
+    # of 432 kJ, all along the leg: 40 J/m and 10 J/m of the task there, 40 J/m back
+    assert far.point_of_return_m == pytest.approx(432e3 / 90.0, rel=1e-4)
 
 
 def test_probability_falls_along_the_plan_and_with_the_reserve():

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from ohmward import generic_battery
+from ohmward.energy.mission import EXAMPLE, PLAN_FILE
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.errors import InputError, OhmwardError
@@ -198,6 +199,49 @@ def test_the_api_says_what_is_known(page):
     assert json.loads(get(page + "/api/history?since=2e9")[2])["unix_s"] == []
     assert get(page + "/api/history?since=now")[0] == 400
     assert json.loads(get(page + "/api/path")[2])["x_m"]
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """The page of a robot that can be asked for missions, half full, and its estimators."""
+    estimation = Estimation(generic_battery("lfp", 12.0, 4), load_robot("rlma"))
+    estimation.put(0.0, {"battery_current_A": -3.0, "battery_voltage_V": 13.2})
+    estimation.put(1.0, {"battery_current_A": -3.0, "battery_voltage_V": 13.2})
+    with served(dashboard=Dashboard("rover", mission=estimation.mission)) as address:
+        yield address + "/api/mission?", estimation
+
+
+def test_a_mission_is_judged_before_it_begins(asked):
+    address, estimation = asked
+    near, far = (json.loads(get(f"{address}distance_m={d}")[2]) for d in (100, 20_000))
+    assert near["probability"] > 0.9 > far["probability"] and near["distance_m"] == pytest.approx(100.0)
+    tool = json.loads(get(f"{address}distance_m=100&task_J=50000")[2])
+    assert tool["energy_J"]["p50"] - near["energy_J"]["p50"] == pytest.approx(50e3, rel=1e-3)
+    plan = urllib.parse.quote(EXAMPLE)
+    found = json.loads(get(f"{address}plan={plan}&reserve_soc=0.2")[2])
+    legs = PLAN_FILE.parse(EXAMPLE).legs
+    assert found["probability"] == estimation.mission(legs, 0.0, 0.2).probability
+    assert len(found["milestones"]) == len(legs)
+
+
+@pytest.mark.parametrize(
+    ("query", "error"),
+    [
+        ("", "give distance_m=METRES, or plan=TEXT"),
+        ("distance_m=1&plan=x", "give distance_m=METRES, or plan=TEXT"),
+        ("distance_m=nan", "distance_m must be a number from 0 to 1e+06, got 'nan'"),
+        ("distance_m=0", "the plan takes no time"),
+        ("distance_m=9&reserve_soc=0.9", "reserve_soc must be below soc"),
+        ("plan=x", "plan: is not valid TOML"),
+    ],
+)
+def test_a_mission_that_cannot_be_is_refused(asked, query, error):
+    status, _, text = get(asked[0] + query)
+    assert status == 409 and error in json.loads(text)["error"]
+
+
+def test_no_mission_is_judged_while_the_battery_is_silent(page):
+    assert "the charge is not known" in json.loads(get(page + "/api/mission?distance_m=9")[2])["error"]
 
 
 def test_nothing_takes_a_command(page):

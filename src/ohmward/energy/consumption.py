@@ -202,7 +202,7 @@ def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand
     """Energy from the start of the first stretch to the end of each, (K,); raises as `energy_demand`."""
     effects = c.day_effects
     rows = [design_row(c, s) for s in stretches]
-    mean_J = np.cumsum(rows, axis=0) @ c.mean
+    mean_J = np.cumsum(rows, axis=0) @ c.mean + np.cumsum([s.task_J for s in stretches])
     H = np.cumsum([jacobian(c, s, x) for s, x in zip(stretches, rows, strict=True)], axis=0)
     all_J2 = np.einsum("ki,ij,kj->k", H, c.cov, H)
     day_J2 = np.einsum("ki,ij,kj->k", H[:, effects], c.cov[np.ix_(effects, effects)], H[:, effects])

@@ -29,6 +29,7 @@ class Stretch(NamedTuple):
     payload_kg: float = 0.0  #: on top of the robot's mass
     kinetic_m2_s2: float = 0.0  #: kinetic energy gained per kg: half the last speed squared minus half the first
     standing_s: float = 0.0  #: part of `time_s` spent standing, in stops that are not a stretch of their own
+    task_J: float = 0.0  #: energy of planned tasks beside driving: a tool, an arm
 
 
 #: Fields that double when a stretch is twice as long.
@@ -49,13 +50,14 @@ class Leg:
     grade_rad: float = 0.0  #: mean slope, > 0 uphill
     stop_s: float = 0.0  #: standing time at the end of the leg
     payload_kg: float = 0.0  #: in addition to the robot's mass
+    task_J: float = 0.0  #: energy from the battery of tasks on the way: a tool, an arm; 1 Wh is 3600 J
 
     def __post_init__(self) -> None:
         if not self.terrain:
             raise InputError("leg.terrain must be a name, got an empty text")
         require_positive("leg.speed_m_s", self.speed_m_s)
         require_between("leg.grade_rad", self.grade_rad, -STEEPEST_RAD, STEEPEST_RAD)
-        require_each_not_negative("leg.", self, "distance_m", "stop_s", "payload_kg")
+        require_each_not_negative("leg.", self, "distance_m", "stop_s", "payload_kg", "task_J")
 
 
 def stretch_of(leg: Leg) -> Stretch:
@@ -70,6 +72,7 @@ def stretch_of(leg: Leg) -> Stretch:
         max(-rise_m, 0.0),
         leg.payload_kg,
         standing_s=leg.stop_s,
+        task_J=leg.task_J,
     )
 
 
@@ -86,8 +89,9 @@ def joined(first: Stretch, second: Stretch) -> Stretch:
 
 
 def way_back(stretch: Stretch) -> Stretch:
-    """The same stretch in the opposite direction."""
-    return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m, kinetic_m2_s2=-stretch.kinetic_m2_s2)
+    """The same stretch in the opposite direction, without its tasks, which are done by then."""
+    back = stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m, kinetic_m2_s2=-stretch.kinetic_m2_s2)
+    return back._replace(task_J=0.0)
 
 
 def total_distance_m(stretches: Sequence[Stretch]) -> float:

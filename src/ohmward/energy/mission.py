@@ -59,6 +59,7 @@ terrain = "grass"          # a name of the consumption table
 speed_m_s = 0.5
 grade_rad = 0.02           # mean slope, > 0 uphill; 0.01745 is one degree
 stop_s = 120.0             # standing time at the end of the leg
+task_J = 20000.0           # energy of a tool or an arm on the way
 
 [[leg]]
 distance_m = 400.0

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -133,7 +133,7 @@ def planned_way(
     """The plan as far as the battery can reach; if that is beyond its end, then parts of ground like `then`."""
     full_V = battery.thevenin.ocv.voltage_V[-1]
     most_J = SECONDS_PER_HOUR * battery.capacity_Ah * state.soh_capacity * state.soc * full_V
-    mean_J = np.cumsum([design_row(c, s) @ c.mean for s in plan])
+    mean_J = np.cumsum([design_row(c, s) @ c.mean + s.task_J for s in plan])
     reached = int(np.searchsorted(np.maximum.accumulate(mean_J), most_J))
     if reached < len(plan):
         return list(plan[: reached + 1])
@@ -265,14 +265,28 @@ def get_home(
         InputError: a plan that is empty or takes no time, a terrain that is not known, a confidence outside 0.5 to
             0.999.
     """
-    require_between("confidence", confidence, 0.5, 0.999)
     if not plan:
         raise InputError("the plan has no leg; add at least one [[leg]]")
-    stretches = [stretch_of(leg) for leg in plan]
+    return forecast_of(c, [stretch_of(leg) for leg in plan], battery, state, confidence)
+
+
+def forecast_of(
+    c: Consumption,
+    stretches: Sequence[Stretch],
+    battery: Battery,
+    state: BatteryState,
+    confidence: float = 0.95,
+    is_known: bool = True,
+) -> MissionForecast:
+    """As `get_home`, of stretches; is_known: as for `range_left`."""
+    require_between("confidence", confidence, 0.5, 0.999)
     z = normal_points(DIMENSIONS)
     if not (duration_s := total_time_s(stretches)) > 0.0:
         raise InputError("the plan takes no time: no leg has a distance or a stop; give one of them")
     demands = energy_demands(c, stretches)
+    if not is_known:
+        driven_m = np.cumsum([s.distance_m for s in stretches])
+        demands = demands._replace(learned_J2=demands.learned_J2 + (driven_m * ground_std(c, stretches)) ** 2)
     power_W = float(demands.mean_J[-1]) / duration_s
     battery_points = discharge(battery, with_peaks(state, c, stretches), power_W, z[BATTERY])
     usable = usable_J(battery_points)
@@ -285,6 +299,19 @@ def get_home(
     milestones = tuple(map(milestone, lengths, times, needed_J(demands, z)))
     turn_m = point_of_return(c, stretches, usable, confidence)
     return MissionForecast(milestones[-1].probability, milestones, quantiles(usable), power_W, turn_m)
+
+
+def summary_of(forecast: MissionForecast) -> dict[str, Any]:
+    """A forecast as one object: `plan` of `ohmward mission --json`, and the answer of a robot that is asked."""
+    last = forecast.milestones[-1]
+    return {
+        "distance_m": last.distance_m,
+        "time_s": last.time_s,
+        "energy_J": last.energy_J,
+        "probability": forecast.probability,
+        "point_of_return_m": forecast.point_of_return_m,
+        "milestones": forecast.milestones,
+    }
 
 
 def point_of_return(c: Consumption, plan: Sequence[Stretch], usable: np.ndarray, confidence: float) -> float:

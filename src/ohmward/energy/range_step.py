@@ -23,7 +23,17 @@ from ohmward.energy.discharge_end import DischargeMeter
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_along, range_left, way_demand, with_peaks
+from ohmward.energy.range import (
+    BATTERY,
+    DIMENSIONS,
+    MissionForecast,
+    forecast_of,
+    needed_J,
+    range_along,
+    range_left,
+    way_demand,
+    with_peaks,
+)
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
 from ohmward.errors import InputError
@@ -224,16 +234,7 @@ class RangeSettings:
         if state.soc.soc <= self.reserve_soc:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
-        since_full = 1.0 - min(state.soc.soc, 1.0)  # where SoC was corrected on the way, soc_std is the smaller bound
-        battery_now = battery_state(
-            self.battery,
-            state.soc,
-            state.sag.ohm,
-            counted=since_full,
-            reserve_soc=self.reserve_soc,
-            cutoff_V=self.cutoff_V,
-            began_soc=state.discharge.start_soc,
-        )
+        battery_now = self.battery_now(state, self.reserve_soc)
         ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
         home_m = self.way_home(ahead, sample.home)
         known = state.consumption
@@ -255,6 +256,42 @@ class RangeSettings:
         return RangeEstimate(
             left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, RangeFlag(0)
         )
+
+    def battery_now(self, state: RangeState, reserve_soc: float) -> BatteryState:
+        """The battery for a forecast that leaves this reserve."""
+        since_full = 1.0 - min(state.soc.soc, 1.0)  # where SoC was corrected on the way, soc_std is the smaller bound
+        return battery_state(
+            self.battery,
+            state.soc,
+            state.sag.ohm,
+            counted=since_full,
+            reserve_soc=reserve_soc,
+            cutoff_V=self.cutoff_V,
+            began_soc=state.discharge.start_soc,
+        )
+
+    def mission(
+        self, state: RangeState, way: float | Sequence[Leg], task_J: float = 0.0, reserve_soc: float | None = None
+    ) -> MissionForecast:
+        """Forecast of a mission that begins now.
+
+        way: its legs, or its length [m] over ground like the recent one, > 0.
+        task_J: energy of its tasks beside those of the legs.
+        reserve_soc: state of charge that must be left at its end; None for the usual one.
+
+        Raises:
+            InputError: the charge is not known, nothing above the reserve is left, or the way takes no time.
+        """
+        if not math.isfinite(state.soc.soc):
+            raise InputError("the charge is not known: wait for current and voltage of the battery")
+        ground = [*self.way_home(self.ahead(state), way)]
+        ground[-1:] = [last._replace(task_J=last.task_J + task_J) for last in ground[-1:]]
+        known = state.consumption
+        for stretch in ground:
+            known = with_terrain(known, stretch.terrain) if stretch.terrain else known
+        reserve = self.reserve_soc if reserve_soc is None else reserve_soc
+        battery_now = replace(self.battery_now(state, reserve), peaks=peaks_of_way(known, ground, state.peak_ratio))
+        return forecast_of(known, ground, self.battery, battery_now, is_known=isinstance(way, Sequence))
 
     def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
         """Stretches like those to come: the recent ones, and the usual ground of the robot."""

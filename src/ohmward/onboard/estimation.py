@@ -9,7 +9,7 @@ over the same step are consistent: no charge is lost, and the voltage drop belon
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -25,8 +25,11 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
+from ohmward.energy.leg import Leg
+from ohmward.energy.range import MissionForecast
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
+from ohmward.errors import InputError
 from ohmward.onboard.evidence import EVIDENCE
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
@@ -170,6 +173,16 @@ class Estimation:
         is_known = abs(self.state.time_s - self._home_time_s) <= HOME_S
         sample = RangeSample(_NO_DRIVE, state.soc, self._home_m if is_known else None)
         return lambda: settings.forecast(state, sample)
+
+    def mission(self, way: float | Sequence[Leg], task_J: float, reserve_soc: float | None) -> MissionForecast:
+        """Forecast of a mission that would begin now, see `RangeSettings.mission`; it changes nothing.
+
+        Raises:
+            InputError: the robot has no battery or no wheels here, or as `RangeSettings.mission`.
+        """
+        if self.range is None:
+            raise InputError("a mission needs battery and robot in the setup")
+        return self.range.settings.mission(self.range.state, way, task_J, reserve_soc)
 
     def take_forecast(self, found: RangeEstimate) -> None:
         """Store a forecast of the range, valid until the next one; ignored if another battery was put in meanwhile."""

@@ -5,9 +5,15 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
+from collections.abc import Callable, Sequence
 
+from ohmward.energy.leg import Leg
+from ohmward.energy.range import MissionForecast
 from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.robot_state import RobotState
+
+#: Way, energy of tasks, reserve -> forecast.
+MissionForecaster = Callable[[float | Sequence[Leg], float, float | None], MissionForecast]
 
 #: Most states that wait; a sink that is away for longer loses the oldest ones, which the feed counts.
 LONGEST_FEED = 10_000
@@ -52,6 +58,7 @@ class Feed:
         lost: number of states dropped because too many were waiting.
         ended: True once no more states come.
         trouble: reason why the running sink cannot deliver, "" if it can.
+        mission: forecast of a mission for a sink that is asked, see `Estimation.mission`; None where nobody makes one.
     """
 
     def __init__(self, interval_s: float = 0.0):
@@ -61,6 +68,7 @@ class Feed:
         self._something = asyncio.Event()
         self._measured: dict[str, float] = {}
         self.ended, self.trouble = False, ""
+        self.mission: MissionForecaster | None = None
 
     def put(self, state: RobotState) -> None:
         """Add a state if one is due; otherwise its measured values go with the next one."""

@@ -101,6 +101,8 @@ class Process:
         self.clock = clock or SystemClock()
         self.companions = list(companions)
         self.sinks = [(sink, Feed(feed_interval_s(sink))) for sink in sinks]
+        for _, feed in self.sinks:
+            feed.mission = estimation.mission
         self.diagnostics: dict[str, Diagnostic] = {}
         #: conditions logged of each name: the last recovery, or the faults since then
         self._logged: dict[str, list[tuple[Level, str]]] = {}

@@ -11,6 +11,8 @@ import pytest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.battery.soc.sample import SocEstimate
+from ohmward.energy.points import Quantiles
+from ohmward.energy.range_step import RangeEstimate
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros import messages, types
@@ -175,6 +177,17 @@ def test_a_cautious_percentage_is_the_low_end_of_the_band_and_never_nan_for_sile
     state = driven()._replace(battery=known, silent=("battery",) if silent else ())
     found = sent(Translation(Ros2Sink(percentage="low")), state)[types.BATTERY_STATE]
     assert found["percentage"] == pytest.approx(percentage, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("probability", "silent", "percentage"), [(0.97, (), 0.97), (math.nan, (), math.nan), (0.97, ("battery",), 0.0)]
+)
+def test_home_is_a_battery_that_is_low_where_the_robot_must_turn(probability, silent, percentage):
+    nothing = Quantiles(1.0, 1.0, 1.0)
+    reach = RangeEstimate(nothing, nothing, nothing, nothing, probability, 9.0, 0)
+    state = driven()._replace(range=reach, silent=silent)
+    found = sent(Translation(Ros2Sink(battery_state="", home="ohmward/home")), state)[types.BATTERY_STATE]
+    assert found["percentage"] == pytest.approx(percentage, nan_ok=True) and found["design_capacity"] != 0.0
 
 
 def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():

@@ -79,6 +79,23 @@ def test_a_unit_that_is_mounted_turned_shows_the_motion_of_the_robot(imu_rpy):
     assert found["pitch_rad"] == pytest.approx(UP_RAD)
 
 
+@pytest.mark.parametrize(
+    ("places", "found"), [([(0, 0, 0), (3, 4, 0), (3, 4, 12)], {"home_distance_m": 17.0}), ([], None)]
+)
+def test_a_path_to_the_charger_is_the_way_home(places, found):
+    header = {"stamp": {"sec": 5, "nanosec": 0}, "frame_id": "map"}
+    turned = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    poses = [
+        {"header": header, "pose": {"position": dict(zip("xyz", p, strict=True)), "orientation": turned}}
+        for p in places
+    ]
+    payload = serialize(types.PATH, {"header": header, "poses": poses})
+    message = Ros2Source(home_path="/plan").message(types.PATH, payload, 1.0)
+    assert (message and message.values) == found
+    assert message is None or message.stamp_s == 5.0
+    assert Ros2Source(home_path="/plan").message(types.PATH, payload[:-9], 1.0) is None
+
+
 @pytest.mark.parametrize(("variance", "std"), [(0.0025, {"speed_std_m_s": 0.05}), (0.0, {})])
 def test_a_twist_is_a_speed_with_its_standard_deviation_if_given(variance, std):
     covariance = [variance] + [0.0] * 35

@@ -19,6 +19,7 @@ from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
 from ohmward.energy.drive_record import RecordFigures, record_figures, terrain_figures
 from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, analyse, load_plan
 from ohmward.energy.points import Quantiles
+from ohmward.energy.range import summary_of
 from ohmward.errors import InputError
 from ohmward.figures import mission as pictures
 from ohmward.figures.numbers import duration, percent, quantity
@@ -193,22 +194,9 @@ def summary(result: MissionResult, robot: Robot | None, notes: Sequence[str]) ->
         "energy_J_per_m": left.energy_J_per_m,
         "power_W": left.power_W,
         "probability": forecast.probability if forecast else None,
-        "plan": forecast and plan_summary(forecast),
+        "plan": forecast and summary_of(forecast),
         "advice": result.advice,
         "notes": list(notes),
-    }
-
-
-def plan_summary(forecast: energy.MissionForecast) -> dict[str, Any]:
-    """The object `plan` of --json."""
-    last = forecast.milestones[-1]
-    return {
-        "distance_m": last.distance_m,
-        "time_s": last.time_s,
-        "energy_J": last.energy_J,
-        "probability": forecast.probability,
-        "point_of_return_m": forecast.point_of_return_m,
-        "milestones": forecast.milestones,
     }
 
 

@@ -8,13 +8,18 @@ import hmac
 import json
 import math
 import re
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.resources import files
 from typing import Any
 from urllib.parse import parse_qs
 
 from ohmward import __version__
+from ohmward.energy.leg import Leg
+from ohmward.energy.mission import PLAN_FILE
+from ohmward.energy.range import summary_of
+from ohmward.errors import InputError
+from ohmward.json_values import plain
 from ohmward.onboard.page.connection import REQUEST_S
 from ohmward.onboard.page.dashboard import SPANS, Dashboard, Past, after
 from ohmward.onboard.page.metrics import metrics
@@ -90,6 +95,7 @@ def _api(dashboard: Dashboard) -> dict[str, Answer]:
         "/api/state": _answering(lambda: plain_state(dashboard.state) if dashboard.state else {}),
         "/api/history": _history(dashboard),
         "/api/path": _answering(lambda: {"x_m": [x for x, _ in dashboard.path], "y_m": [y for _, y in dashboard.path]}),
+        "/api/mission": _mission(dashboard),
         "/metrics": _answering(
             lambda: metrics(dashboard.view()), "PlainTextResponse", media_type="text/plain; version=0.0.4"
         ),
@@ -125,6 +131,54 @@ def _history(dashboard: Dashboard) -> Answer:
         return _response("JSONResponse", after(since, await past.last(last)))
 
     return history
+
+
+def _mission(dashboard: Dashboard) -> Answer:
+    """Forecast of the mission in the query: one at a time, in a thread."""
+    computing = asyncio.Lock()
+
+    async def mission(request: Any) -> Any:
+        try:
+            asked = mission_of(request.query_params)
+            if dashboard.mission is None or (dashboard.state and dashboard.state.is_silent("battery")):
+                raise InputError("the charge is not known: the sensors of the battery are silent")
+            async with computing:
+                forecast = await asyncio.to_thread(dashboard.mission, *asked)
+        except InputError as error:
+            return _response("JSONResponse", {"error": str(error)}, status_code=409)
+        return _response("JSONResponse", plain(summary_of(forecast)))
+
+    return mission
+
+
+def mission_of(query: Mapping[str, str]) -> tuple[float | Sequence[Leg], float, float | None]:
+    """Way, energy of tasks and reserve of a mission from a query: `distance_m` or the text of a `plan`, and `task_J`.
+
+    Raises:
+        InputError: neither or both of them, or a value that cannot be.
+    """
+
+    def number(name: str, most: float) -> float | None:
+        if name not in query:
+            return None
+        try:
+            value = float(query[name])
+        except ValueError:
+            value = math.nan
+        if not 0.0 <= value <= most:
+            raise InputError(f"{name} must be a number from 0 to {most:g}, got {query[name]!r:.40}")
+        return value
+
+    distance_m, task_J, reserve = number("distance_m", 1e6), number("task_J", 1e9), number("reserve_soc", 0.99)
+    if (distance_m is None) == ("plan" not in query):
+        raise InputError("give distance_m=METRES, or plan=TEXT of a plan (ohmward mission --plan-example prints one)")
+    if distance_m is not None:
+        return distance_m, task_J or 0.0, reserve
+    try:
+        plan = PLAN_FILE.parse(query["plan"])
+    except InputError as error:
+        raise InputError(f"plan: {error}") from error
+    return plan.legs, task_J or 0.0, plan.reserve_soc if reserve is None else reserve
 
 
 def _events(dashboard: Dashboard) -> Answer:
@@ -268,6 +322,7 @@ def openapi() -> dict[str, Any]:
             ),
             "/api/history": _history_path(),
             "/api/path": _get("Path in the frame of the odometry.", _json(_columns("x_m", "y_m"))),
+            "/api/mission": _mission_path(),
             "/metrics": _get("Metrics for Prometheus.", {"text/plain": {"schema": {"type": "string"}}}),
             "/events": _get("States as server-sent events, like /api/now.", {"text/event-stream": {}}),
         },
@@ -285,6 +340,8 @@ def _get(summary: str, content: dict[str, Any], **more: Any) -> dict[str, Any]:
     }
     if "parameters" in more:
         responses["400"] = {"description": "A parameter that cannot be.", "content": error}
+    if more.pop("conflicts", False):
+        responses["409"] = {"description": "Not with these parameters together, or not now.", "content": error}
     if "text/event-stream" in content:
         responses["503"] = {"description": "Too many readers.", "content": error}
     return {"get": {"summary": summary, "responses": responses, **more}}
@@ -298,12 +355,38 @@ def _history_path() -> dict[str, Any]:
             {"type": "string", "enum": list(SPANS)},
         ),
     }
-    parameters = [
+    summary = "Rows in columns; by default those of the last hour and a half, one a second."
+    return _get(summary, _json(_columns(*HISTORY)), parameters=_parameters(known))
+
+
+def _mission_path() -> dict[str, Any]:
+    known = {
+        "distance_m": ("Length of the way, over ground like the recent one.", {"type": "number", "minimum": 0}),
+        "plan": ("Text of a plan file, instead of distance_m.", {"type": "string"}),
+        "task_J": ("Energy of tasks on the way: a tool, an arm.", {"type": "number", "minimum": 0}),
+        "reserve_soc": ("State of charge that must be left.", {"type": "number", "minimum": 0, "maximum": 0.99}),
+    }
+    quantity = {"type": ["number", "null"]}
+    names = ("distance_m", "time_s", "probability", "point_of_return_m")
+    answer = {
+        "type": "object",
+        "properties": {
+            **dict.fromkeys(names, quantity),
+            "energy_J": {"type": "object"},
+            "milestones": {"type": "array"},
+        },
+        "required": ["probability"],
+    }
+    summary = "Forecast of a mission that would begin now: probability of its end with the reserve left."
+    return _get(summary, _json(answer), parameters=_parameters(known), conflicts=True)
+
+
+def _parameters(known: Mapping[str, tuple[str, Any]]) -> list[dict[str, Any]]:
+    """Parameters of a query by name, from a sentence and a schema."""
+    return [
         {"name": name, "in": "query", "required": False, "description": text, "schema": schema}
         for name, (text, schema) in known.items()
     ]
-    summary = "Rows in columns; by default those of the last hour and a half, one a second."
-    return _get(summary, _json(_columns(*HISTORY)), parameters=parameters)
 
 
 def _columns(*names: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import OhmwardError
+from ohmward.onboard.feed import MissionForecaster
 from ohmward.onboard.page.view import BATTERY, DRIVE, HISTORY, SLIP, history_row, view
 from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import Level, RobotState
@@ -35,6 +36,7 @@ class Dashboard:
     Args:
         name: of the robot.
         store: folder of its store, None if there is none.
+        mission: forecast of a mission that would begin now, see `Feed.mission`.
 
     Attributes:
         state: the newest one, None before the first.
@@ -43,8 +45,8 @@ class Dashboard:
         ended: True once no more states come.
     """
 
-    def __init__(self, name: str, store: Path | None = None):
-        self.name, self.store = name, store
+    def __init__(self, name: str, store: Path | None = None, mission: MissionForecaster | None = None):
+        self.name, self.store, self.mission = name, store, mission
         self.state: RobotState | None = None
         self.version = 0
         self.path: list[tuple[float, float]] = []

@@ -78,6 +78,13 @@ def _cautious(state: RobotState) -> float:
     return soc_band(float(state.battery.soc), float(state.battery.soc_std))[0]
 
 
+def home_probability(state: RobotState) -> float:
+    """Probability of reaching home; 0 while the battery's sensors are silent, nan if the way is not known."""
+    if state.is_silent("battery"):
+        return 0.0
+    return float(state.range.home_probability) if state.range else math.nan
+
+
 def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
     """Voltages of the cells, nan for one that is not measured; empty if none is."""
     voltages = {int(name.partition(".")[2]): v for name, v in measured.items() if name.startswith("cell_voltage_V.")}

@@ -13,6 +13,7 @@ DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 TF = "tf2_msgs/msg/TFMessage"
 CLOCK = "rosgraph_msgs/msg/Clock"
 FLOATS = "std_msgs/msg/Float64MultiArray"
+PATH = "nav_msgs/msg/Path"
 
 #: Fields of each type, separated by commas: type and name; `[9]` is an array of nine, `[]` a sequence.
 _TEXT = {
@@ -48,6 +49,8 @@ _TEXT = {
     "std_msgs/msg/MultiArrayDimension": "string label, uint32 size, uint32 stride",
     "std_msgs/msg/MultiArrayLayout": "std_msgs/msg/MultiArrayDimension[] dim, uint32 data_offset",
     FLOATS: "std_msgs/msg/MultiArrayLayout layout, float64[] data",
+    "geometry_msgs/msg/PoseStamped": "std_msgs/msg/Header header, geometry_msgs/msg/Pose pose",
+    PATH: "std_msgs/msg/Header header, geometry_msgs/msg/PoseStamped[] poses",
 }
 
 #: REP-2011 hashes of the types, the same from Iron on; `ros2 topic info -v` shows them.
@@ -61,6 +64,7 @@ HASHES = {
     TF: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     CLOCK: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
     FLOATS: "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
+    PATH: "RIHS01_1957a5bb3cee5da65c4e52e52b65a93df227efce4c20f8458b36e73066ca334b",
 }
 
 

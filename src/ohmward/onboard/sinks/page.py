@@ -55,7 +55,7 @@ class PageSink:
 
     async def run(self, feed: Feed) -> None:
         """Serve the page until the feed ends."""
-        dashboard = Dashboard(self.robot, Path(self.store) if self.store else None)
+        dashboard = Dashboard(self.robot, Path(self.store) if self.store else None, feed.mission)
         server = self._server(dashboard)
         with self._listening() as listener:
             serving = asyncio.create_task(server.serve(sockets=[listener]))

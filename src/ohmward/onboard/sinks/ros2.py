@@ -35,6 +35,9 @@ class Ros2Sink(RosNetwork):
     odometry: str = "ohmward/odometry"
     twist: str = "ohmward/twist"
     diagnostics: str = "/diagnostics"
+    #: topic of another battery state, whose percentage is the probability of reaching home, for Nav2's `IsBatteryLow`:
+    #: unknown (NaN, which counts as full there) without a way home, 0 while the battery sensors are silent
+    home: str = ""
     #: frames of REP 105; the base is at the middle of a two-wheeled robot's driven axle or a steered one's rear axle,
     #: else at the centre of gravity
     odom_frame: str = "odom"
@@ -56,7 +59,7 @@ class Ros2Sink(RosNetwork):
 
     def topics(self) -> dict[str, str]:
         """Topics by setting."""
-        return {name: getattr(self, name) for name in ("battery_state", "odometry", "twist", "diagnostics")}
+        return {name: getattr(self, name) for name in ("battery_state", "odometry", "twist", "diagnostics", "home")}
 
     async def run(self, feed: Feed) -> None:
         """Publish until the feed ends."""
@@ -82,7 +85,7 @@ class Ros2Sink(RosNetwork):
 
     def advertised(self) -> Iterator[tuple[str, str]]:
         """Topic and type of each message that is sent."""
-        of_types = (types.BATTERY_STATE, types.ODOMETRY, types.TWIST, types.DIAGNOSTICS)
+        of_types = (types.BATTERY_STATE, types.ODOMETRY, types.TWIST, types.DIAGNOSTICS, types.BATTERY_STATE)
         for topic, type_ in zip(self.topics().values(), of_types, strict=True):
             if topic:
                 yield topic, type_
@@ -145,7 +148,7 @@ class Translation:
                 yield sink.twist, types.TWIST, serialize(types.TWIST, messages.twist(state, sink.base_frame))
         if math.isnan(state.battery_time_s):
             self._measured.clear()  # nothing yet, or not since everything restarted
-        if sink.battery_state and self._measured and self._battery.passes(state.time_s):
+        if (sink.battery_state or sink.home) and self._measured and self._battery.passes(state.time_s):
             cautious = sink.percentage == "low"
             found = messages.battery_state(state, self._reporting(state), self._label, sink.base_frame, cautious)
             if found["power_supply_status"] != messages.FULL:
@@ -153,7 +156,10 @@ class Translation:
             time_s = state.time_s if state.is_silent("battery") else state.battery_time_s
             of_battery = Stamp(time_s, messages.battery_date_s(state))
             if self._is_newer("battery", of_battery):
-                yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
+                of_home = found | {"percentage": messages.home_probability(state)}
+                for topic, content in ((sink.battery_state, found), (sink.home, of_home)):
+                    if topic:
+                        yield topic, types.BATTERY_STATE, serialize(types.BATTERY_STATE, content)
         if sink.diagnostics and self._conditions.passes(state.time_s):
             self._is_newer("conditions", Stamp(state.time_s, state.unix_s))
             conditions = messages.diagnostics(state, sink.robot, self._stamps["conditions"].date_s, sink.full_name)

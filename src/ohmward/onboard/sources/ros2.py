@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ohmward.logs.bags.recording import Layout
 from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
-from ohmward.onboard.ros.cdr import read
+from ohmward.onboard.ros.cdr import read, read_path
 from ohmward.onboard.ros.messages import FULL
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
 from ohmward.quantities import QUANTITIES
@@ -31,6 +32,7 @@ TOPICS = {
     "imu": types.IMU,
     "odometry": types.ODOMETRY,
     "twist": types.TWIST,
+    "home_path": types.PATH,
 }
 #: Time between two checks of the connection to other nodes [s].
 _WAY_CHECK_S = 1.0
@@ -66,6 +68,8 @@ class Ros2Source(RosNetwork):
     #: topic of `geometry_msgs/TwistWithCovarianceStamped` from such a source, x along the robot: many GNSS drivers give
     #: east and north instead
     twist: str = ""
+    #: topic of `nav_msgs/Path` from the robot to the place where it charges, as a planner publishes it: the way home
+    home_path: str = ""
     #: false for a played bag or a simulation: time comes from /clock, or the newest stamp if nobody publishes it, and
     #: no state is kept
     live: bool = True
@@ -127,7 +131,7 @@ class Ros2Source(RosNetwork):
         clock: of a simulation or a bag, used instead of `received_s`.
         """
         try:
-            layout, numbers = read(type_, payload)
+            layout, numbers = (None, read_path(payload)) if type_ == types.PATH else read(type_, payload)
         except ValueError:
             return None
         if type_ == types.CLOCK:
@@ -149,13 +153,14 @@ class Ros2Source(RosNetwork):
         return {name: getattr(self, name) for name in TOPICS}
 
     @cached_property
-    def _translations(self) -> dict[str, Callable[[Layout, dict[str, float]], dict[str, float]]]:
+    def _translations(self) -> dict[str, Callable[[Any, dict[str, float]], dict[str, float]]]:
         return {
             types.BATTERY_STATE: _battery,
             types.JOINT_STATE: self._wheels,
             types.IMU: self._body,
             types.ODOMETRY: _speed,
             types.TWIST: _speed,
+            types.PATH: _home,
         }
 
     @cached_property
@@ -267,6 +272,11 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     if numbers["power_supply_status"]:
         values["battery_full"] = float(numbers["power_supply_status"] == FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
+
+
+def _home(_: Any, numbers: dict[str, float]) -> dict[str, float]:
+    """Length of the way home; none for a path of no pose, which planners send where they find no way."""
+    return {"home_distance_m": numbers["length_m"]} if math.isfinite(numbers["length_m"]) else {}
 
 
 def pitch_of(x: float, y: float, z: float, w: float, nose: Sequence[float] = (1.0, 0.0, 0.0)) -> float:
