@@ -150,8 +150,8 @@ def _noise(batteries: Sequence[Battery], model: Thevenin, several: int) -> Batte
         return float(np.sqrt(np.mean([getattr(noise, name) ** 2 for noise in noises])))
 
     measured = [b.identification.capacity_measured_Ah if b.identification else 0.0 for b in batteries]
-    shown = [own or battery.capacity_Ah for own, battery in zip(measured, batteries, strict=True)]
-    capacity_std = of_one * _spread(np.log(shown), NEW_CAPACITY_STD).item()
+    capacities_Ah = [own or battery.capacity_Ah for own, battery in zip(measured, batteries, strict=True)]
+    capacity_std = of_one * _spread(np.log(capacities_Ah), NEW_CAPACITY_STD).item()
     ohm = [b.thevenin.arrhenius_factor(degC) * b.thevenin.largest_ohm for b in batteries]
     resistance_std = of_mean * _spread(np.log(ohm), _NEW_RESISTANCE_STD).item()
     curves_V = np.array([battery.thevenin.ocv.mean_V(OCV_GRID, degC) for battery in batteries])
