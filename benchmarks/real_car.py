@@ -42,7 +42,6 @@ class Case(NamedTuple):
 
     method: str
     log: DriveLog
-    radius_state: bool
 
 
 def rows() -> Iterator[Figure]:
@@ -91,10 +90,10 @@ def cases(drive: DriveLog, half_s: float) -> Iterator[Case]:
     """Without external speed and with, the second as it comes and with the receiver's latency."""
     share, latency_s = calibrated(drive.between(drive.time_s[0], half_s))
     scaled = replace(drive, wheel_speed_rad_s=share * drive.wheel_speed_rad_s, speed_m_s=None, speed_age_s=None)
-    yield Case("ukf, wheels and gyro, radius calibrated", scaled, False)
-    yield Case("ukf, and GNSS as it comes, radius a state", drive, True)
+    yield Case("wheels and gyro, radius calibrated", scaled)
+    yield Case("and GNSS as it comes, radius a state", drive)
     late = replace(drive, speed_age_s=drive.speed_age_s + latency_s)
-    yield Case(f"ukf, and GNSS {latency_s:.2f} s late, radius a state", late, True)
+    yield Case(f"and GNSS {latency_s:.2f} s late, radius a state", late)
 
 
 def calibrated(drive: DriveLog) -> tuple[float, float]:
@@ -109,6 +108,4 @@ def calibrated(drive: DriveLog) -> tuple[float, float]:
 
 
 def observed(case: Case) -> SlipEstimate:
-    observer = make_observer(CAR, case.log, ROAD).observer
-    observer = replace(observer, states=replace(observer.states, radius=case.radius_state))
-    return observe(observer, case.log).estimates
+    return observe(make_observer(CAR, case.log, ROAD).observer, case.log).estimates

@@ -1,8 +1,7 @@
 """A real robot on ice, snow, loam, asphalt and flooring (Husky, BorealTC): no truth, but the noise that robots have.
 
-Wheel speeds and motor currents come at 6.5 Hz, gyro and accelerometer at 100 Hz. The currents are magnitudes; they are
-given the sign of the wheels' speed, which is wrong whenever the robot brakes, and the torque constant is a guess. What
-counts: no number that is none, sigmas that stay sane, few alarms where wheels surely roll, and the turns.
+Wheel speeds come at 6.5 Hz, the gyro at 100 Hz; the motor currents show no force, as the wheels scrub.
+What counts: no number that is none, sigmas that stay sane, few alarms where wheels surely roll, and the turns.
 """
 
 from __future__ import annotations
@@ -14,14 +13,13 @@ import numpy as np
 
 from figure import Figure, at_most
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
+from ohmward.traction import Motor, Robot, SkidSteer, Wheel
 from ohmward.traction.speed_observer.estimate import SlipFlag
-from ohmward.traction.speed_observer.estimator import SlipRun, observe
-from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.estimator import SlipEstimator, SlipRun
 from real_data import columns
 
 DATA = "BorealTC Husky"
-METHOD = "ukf, wheels 6.5 Hz, currents, gyro 100 Hz"
+METHOD = "wheels 6.5 Hz, gyro 100 Hz"
 HUSKY = Robot(
     "Husky",
     75.0,
@@ -30,7 +28,6 @@ HUSKY = Robot(
     Wheel(0.165, 0.12, 0.03),
     Motor(0.02, 0.5, gear_ratio=78.7, friction_Nm=2.0, rotor_inertia_kg_m2=1e-5),
 )
-GROUND = hard_terrain("dry asphalt")
 GRIPPING = ("ASPHALT", "FLOORING")
 #: Wheels surely roll where their two sides differ by less than this [m/s].
 EVEN_M_S = 0.02
@@ -47,7 +44,7 @@ class Run(NamedTuple):
 
 def rows() -> Iterator[Figure]:
     runs = list(recordings())
-    tracks = [observe(make_observer(HUSKY, run.log, GROUND).observer, run.log) for run in runs]
+    tracks = [SlipEstimator(HUSKY).run(run.log) for run in runs]
     for terrain in sorted({run.terrain for run in runs}):
         chosen = [(r, t) for r, t in zip(runs, tracks, strict=True) if r.terrain == terrain]
         yield from terrain_figures(terrain, chosen)
@@ -100,11 +97,9 @@ def recording(terrain: str, wheel: dict[str, np.ndarray], imu: dict[str, np.ndar
     time_s = imu["t_s"]
     row = np.searchsorted(time_s, wheel["t_s"])
     there = row < len(time_s)
-    speed, current = (np.full((len(time_s), 4), np.nan) for _ in range(2))
+    speed = np.full((len(time_s), 4), np.nan)
     sides = np.column_stack([wheel["velL"], wheel["velR"]])[there]
-    magnitude = np.column_stack([wheel["curL"], wheel["curR"]])[there]
     speed[row[there]] = np.tile(sides, 2) / HUSKY.wheel.radius_m
-    current[row[there]] = np.tile(0.5 * magnitude * np.sign(sides), 2)
     left, right = (np.interp(time_s, wheel["t_s"], wheel[name]) for name in ("velL", "velR"))
-    log = DriveLog(terrain, time_s, speed, current, imu["wz"].astype(float), imu["ax"].astype(float))
+    log = DriveLog(terrain, time_s, speed, np.full_like(speed, np.nan), imu["wz"].astype(float))
     return Run(terrain, log, (right - left) / HUSKY.chassis.track_m, np.abs(right - left) < EVEN_M_S)

@@ -17,20 +17,17 @@ import numpy as np
 from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
+from ohmward.traction import Motor, Robot, SkidSteer, Wheel
 from ohmward.traction.calibration import CalibrationDrive, calibrate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward.traction.speed_observer.make_observer import make_observer
 from real_data import columns, false_alarms
 
 DATA = "Warthog, skid-steer"
-METHOD = "ukf, wheels and gyro, radius calibrated"
+METHOD = "wheels and gyro, radius calibrated"
 WARTHOG = Robot(
     "Warthog", 280.0, 60.0, SkidSteer(0.457, 0.457, 1.1652), Wheel(0.3, 0.25, 0.5), Motor(1.0, 1.0, gear_ratio=10.0)
 )
-#: The ground is not named: loose, to judge by the turns; a law in the slip ratio, as the speeds span a factor of 40.
-GROUND = hard_terrain("wet asphalt road", RollingResistance(0.03, 50.0, 0.0))
 STEP_S = 0.05
 #: A straight window turns by less than this [rad/s] and drives at least so fast [m/s].
 STRAIGHT_RAD_S, DRIVING_M_S = 0.1, 0.5
@@ -97,15 +94,8 @@ def drive(windows: Windows, k: int, share: float) -> DriveLog:
 
 
 def observed(drives: list[DriveLog]) -> list[SlipEstimate]:
-    """Each window from its own start, all with one observer, chosen from the windows one after the other."""
-    together = DriveLog(
-        "all windows",
-        STEP_S * np.arange(sum(len(d) for d in drives)),
-        np.concatenate([d.wheel_speed_rad_s for d in drives]),
-        np.concatenate([d.motor_current_A for d in drives]),
-        np.concatenate([np.asarray(d.yaw_rate_rad_s) for d in drives]),
-    )
-    estimator = SlipEstimator(make_observer(WARTHOG, together, GROUND).observer)
+    """Each window from its own start."""
+    estimator = SlipEstimator(WARTHOG)
     return [from_start(estimator, d) for d in drives]
 
 

@@ -43,6 +43,8 @@ def drive_balance(
 ) -> EnergyBalance:
     """Energy balance (T,) [W] of a recorded drive; nan where it was not measured.
 
+    Where the traction is not known, the loss to slip is in the residual.
+
     log: with motor currents.
     observed: estimates of an observer along the log.
     p: robot and the ground assumed under it.
@@ -64,7 +66,7 @@ def drive_balance(
         idle=np.full(len(log), idle),
         copper=copper,
         drive=(friction_torque(robot.motor, current_A, omega) * omega).sum(axis=1),
-        slip=(np.asarray(observed.traction_N) * observed.slip_speed_m_s).sum(axis=1),
+        slip=np.nansum(observed.traction_N * observed.slip_speed_m_s, axis=1),
         rolling=_rolling_W(observed, p),
         climb=robot.mass_kg * GRAVITY * np.sin(observed.grade_rad) * np.asarray(observed.speed_m_s),
         kinetic=_kinetic_rate_W(log.time_s, observed, robot),
@@ -77,7 +79,7 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: SlipEstimate,
     power: (T,) [W] as `drive_balance` gives it.
     """
     weight_s = trapezoid_weights(log.time_s, np.isfinite(power.residual))
-    slip_std_W = (np.abs(observed.traction_N) * observed.slip_speed_std_m_s).sum(axis=1)
+    slip_std_W = np.nansum(np.abs(observed.traction_N) * observed.slip_speed_std_m_s, axis=1)
     climb_std_W = robot.mass_kg * GRAVITY * np.abs(observed.speed_m_s) * observed.grade_std_rad
     return DriveEnergy(
         EnergyBalance(*(weighted_sum(weight_s, term) for term in power)),

@@ -21,11 +21,10 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
 from ohmward.runs import interpolated
 from ohmward.traction.drive_checks import mended
-from ohmward.traction.dynamics.forces import EnergyBalance, Scene
+from ohmward.traction.dynamics.forces import EnergyBalance, Scene, scene
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.observed_drive import observed_motion
-from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.estimator import SlipRun, motion_of
+from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways
+from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.terrain.floor import travel_speed
 
@@ -86,14 +85,14 @@ def observe_motion(
     """
     drive = mended(robot, drive)
     chosen = make_observer(robot, drive, terrain)
-    track, _ = observed_motion(robot, drive, chosen.observer, progress)
+    track = observe(chosen.observer, drive, progress)
     speed_m_s, grade_rad = track.estimates.speed_m_s, track.estimates.grade_rad
     if robot.freedoms == 3:  # it also travels sideways, and only its forward part climbs
         forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))
         grade_rad = grade_rad * forward_m_s / np.maximum(speed_m_s, np.finfo(float).tiny)
     speed, grade = (interpolated(time_s, drive.time_s, values, Cut.gap_s) for values in (speed_m_s, grade_rad))
-    level = not chosen.observer.states.grade and "pitch_rad" not in drive.channels
-    wheels = ObservedWheels(drive, track, chosen.observer.scene)
+    level = not track.estimates.grade_std_rad.any() and "pitch_rad" not in drive.channels
+    wheels = ObservedWheels(drive, track, scene(free_sideways(robot), terrain))
     return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
 
 
@@ -144,12 +143,12 @@ def _balance(
     wheels: ObservedWheels, time_s: np.ndarray, battery_W: np.ndarray, driven: Sequence[Driven]
 ) -> RecordedBalance | None:
     """Energy balance on the clock of the wheels; None without motor currents."""
-    drive, track, scene = wheels
+    drive, track, p = wheels
     if not np.isfinite(drive.motor_current_A).any():
         return None
     at_drive_W = interpolated(drive.time_s, time_s, battery_W, Cut.gap_s)
-    power = drive_balance(drive, track.estimates, scene, at_drive_W, standing_power_W(driven))
-    return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, scene.robot))
+    power = drive_balance(drive, track.estimates, p, at_drive_W, standing_power_W(driven))
+    return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, p.robot))
 
 
 def _idle_notes(balance: RecordedBalance | None) -> list[Note]:

@@ -21,11 +21,10 @@ from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES, REPEATS_S, watch_log
-from ohmward.traction.motion_check import CURED, SCRUBS, check_signs, check_units, motion_of
+from ohmward.traction.motion_check import CURED, LEAST_RAD_S, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     WHEEL_TURNS_RAD_S,
-    YAWS_RAD_S,
     speed_and_wheels_m_s,
     yaw_rate_of_wheels,
 )
@@ -227,7 +226,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     left = min(tried, key=lambda one: float(one.min(axis=0).sum()))
     if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
         return
-    against = np.count_nonzero(left[0] > YAWS_RAD_S**2)
+    against = np.count_nonzero(left[0] > LEAST_RAD_S**2)
     if against < FEWEST_VALUES:
         return
     yield (

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -22,12 +21,11 @@ from ohmward.logs.log import Note
 from ohmward.traction.drive_checks import check_drive, mended
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.odometry.estimator import Odometry, OdometryRun, are_silent, force_known, with_slip_of
-from ohmward.traction.odometry.model import noise_of
+from ohmward.traction.odometry.estimator import Odometry, OdometryRun
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
-from ohmward.traction.speed_observer.make_observer import make_observer, speed_std_m_s
+from ohmward.traction.speed_observer.make_observer import make_observer, odometry_for
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.floor import Floors, travel_speed
@@ -152,6 +150,9 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
     return tuple(Note(text, "warning") for text in found)
 
 
+#: Method of a drive without known forces.
+ODOMETRY = "odometry"
+
 #: Elements of the pose in the names of its covariances.
 POSE = ("x", "y", "yaw")
 
@@ -186,6 +187,7 @@ class ObservedDrive(NamedTuple):
     track: SlipRun  #: speed and slip
     path: OdometryRun  #: pose and twist
     notes: tuple[Note, ...]  #: faults of the log, and everything that was assumed
+    method: str  #: name of the filter; "odometry" where no motor current shows the force that drives the robot
     fits: bool = True  #: the model fits the log, so that the estimates can be trusted
     on_floors: OnFloors | None = None  #: None without learnt floors
 
@@ -290,32 +292,11 @@ def observe_drive(
     faults = check_drive(robot, log)
     log = mended(robot, log)
     chosen = make_observer(robot, log, terrain, method)
-    track, path = observed_motion(robot, log, chosen.observer, progress)
-    return ObservedDrive(
-        robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
-    )
-
-
-def observed_motion(
-    robot: Robot, log: DriveLog, observer: SpeedObserver, progress: Callable[[int, int], None] | None = None
-) -> tuple[SlipRun, OdometryRun]:
-    """Speed and slip by an observer, or where no motor current shows a force by the odometry; and the odometry.
-
-    log: without faults, see `mended`.
-    """
-    track = observe(observer, log, progress)
-    path = odometry_for(robot, log).run(log, track.estimates)
-    if not force_known(robot, track.estimates).any():
-        heard = ~are_silent(log.time_s, log.wheel_speed_rad_s[:, : robot.driven])
-        track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates, heard), track.seconds)
-    return track, path
-
-
-def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
-    """Odometry of a robot, with the initial standard deviation of an outside speed taken from the log."""
-    if "speed_m_s" not in log.channels:
-        return Odometry(robot)
-    return Odometry(robot, noise=replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
+    track = observe(chosen.observer, log, progress)
+    path = Odometry(odometry_for(robot, log)).run(log, track.estimates)
+    notes = (*faults, *log.notes, *chosen.notes, *fit_notes(track))
+    by = method if isinstance(chosen.observer, SpeedObserver) else ODOMETRY
+    return ObservedDrive(robot, track, path, notes, by, not misfits(track))
 
 
 def observe_on_floors(
@@ -339,8 +320,8 @@ def observe_on_floors(
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
     if "speed_m_s" in log.channels:
         notes += (Note("the outside speed shows slip: it indicates the floor, and narrows the band"),)
-    path = odometry_for(robot, log).run(log, track.estimates)
-    return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
+    path = Odometry(odometry_for(robot, log)).run(log, track.estimates)
+    return ObservedDrive(robot, track, path, notes, method, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
 
 def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:

@@ -12,8 +12,8 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, RobotInput, SkidSteer, hard_terrain, load_robot, save_robot, scene, step
 from ohmward.traction.calibration import CalibrationDrive, calibrate, calibrate_radius, calibrate_track
 from ohmward.traction.calibration.calibrate import usual_parts
+from ohmward.traction.odometry.model import RADIUS_STD
 from ohmward.traction.robot.robot import free_sideways, motion_from_wheels
-from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 
 SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
 RADIUS_M, EFFECTIVE_M = 0.118, 0.51

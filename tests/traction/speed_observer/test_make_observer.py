@@ -8,7 +8,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
-from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
+from ohmward.traction import RLMA, SkidSteer, hard_terrain
+from ohmward.traction.odometry.slip import SlipByOdometry
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import (
     correlation,
@@ -18,8 +19,8 @@ from ohmward.traction.speed_observer.make_observer import (
     noise_std,
     quantum,
     speed_std_m_s,
+    yaw_rate_of_wheels,
 )
-from ohmward.traction.speed_observer.noise import ObserverNoise
 
 TERRAIN = hard_terrain("dry asphalt")
 TIME = 0.01 * np.arange(1000)
@@ -69,6 +70,34 @@ def test_logs_that_are_nearly_empty(robot, steps):
     assert np.isfinite(observe(chosen(log, robot, "ekf").observer, log).estimates.speed_std_m_s).all()
 
 
+@pytest.mark.parametrize(
+    "robot, currents, gyro, words",
+    [
+        (RLMA, False, False, ["no motor currents and no gyro"]),
+        (RLMA, False, True, ["no motor currents: wheels and gyro"]),
+        (SKID, True, True, ["skid-steered"]),
+        (SKID, False, False, ["skid-steered", "no motor currents and no gyro"]),
+    ],
+)
+def test_a_log_without_a_known_force_is_observed_by_wheels_and_gyro(robot, currents, gyro, words):
+    found = chosen(drive(robot, currents, yaw_rate_rad_s=np.zeros(TIME.size) if gyro else None), robot)
+    assert isinstance(found.observer, SlipByOdometry)
+    assert len(found.notes) == len(words) and all(w in note.text for w, note in zip(words, found.notes, strict=True))
+
+
+def test_the_current_of_every_motor_is_needed():
+    log = drive()
+    halved = replace(log, motor_current_A=log.motor_current_A * [1.0, math.nan])
+    (note,) = chosen(halved).notes
+    assert "not all motor currents" in note.text
+
+
+def test_the_yaw_rate_of_wheels_that_roll_is_that_of_the_body():
+    turn = np.sin(TIME)
+    sides = 0.6 + np.outer(turn, SKID.rolling[:, -1])
+    np.testing.assert_allclose(yaw_rate_of_wheels(SKID, sides / SKID.wheel.radius_m), turn, atol=1e-12)
+
+
 def test_only_the_sensors_of_the_log_exist():
     bare = chosen(drive()).observer.noise
     assert (bare.gyro_std_rad_s, bare.passive_std_rad_s, bare.speed_std_m_s, bare.pitch_std_rad) == (None,) * 4
@@ -76,13 +105,6 @@ def test_only_the_sensors_of_the_log_exist():
     full = drive(passive=True, yaw_rate_rad_s=0 * ones, speed_m_s=0.3 * ones, pitch_rad=0 * ones)
     noise = chosen(full).observer.noise
     assert None not in (noise.gyro_std_rad_s, noise.passive_std_rad_s, noise.speed_std_m_s, noise.pitch_std_rad)
-
-
-def test_the_accelerometer_serves_where_the_motors_do_not_tell_the_force():
-    more = {"acceleration_m_s2": np.zeros(TIME.size), "pitch_rad": np.zeros(TIME.size)}
-    assert chosen(drive(**more)).observer.noise.accelerometer_std_m_s2 is None
-    without = chosen(drive(currents=False, **more)).observer
-    assert without.noise.accelerometer_std_m_s2 == 0.2 and without.states.accelerometer_offset
 
 
 def test_the_quantisation_of_counts_is_found():
@@ -119,19 +141,6 @@ def test_a_speed_that_knows_its_own_std_is_believed():
     assert speed_std_m_s(RLMA, log) == pytest.approx(0.01)
 
 
-def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
-    found = chosen(drive(SKID), SKID)
-    assert isinstance(found.observer.scene.robot.chassis, Differential)
-    assert found.observer.scene.robot.driven == 4
-    assert found.observer.noise.yaw_rate_walk > ObserverNoise.yaw_rate_walk
-    assert any("skid-steered" in note.text for note in found.notes)
-
-
-def test_the_currents_of_wheels_that_scrub_tell_no_force():
-    states = chosen(drive(SKID), SKID).observer.states
-    assert (states.friction, states.stiffness, states.grade, states.radius) == (False, False, False, False)
-
-
 @pytest.mark.parametrize("name", ["ekf", "aukf"])
 def test_a_load_on_wheels_that_scrub_does_not_make_them_spin(name):
     """Motors that drag the wheels sideways turn harder than any grip that the file's mass allows: no wheel slips."""
@@ -151,33 +160,13 @@ def test_slow_logs_have_no_gaps():
     assert chosen(slow).observer.gap_s == pytest.approx(0.5)
 
 
-def test_without_motor_currents_nothing_is_learnt_of_the_ground_and_the_radius_is_considered():
-    log = drive(currents=False)
-    found = chosen(log, name="ekf")
-    states = found.observer.states
-    assert (states.friction, states.stiffness, states.grade, states.radius) == (False, False, False, False)
-    assert any(note.level == "warning" and "no motor currents" in note.text for note in found.notes)
-    estimates = observe(found.observer, log).estimates
-    error = estimates.speed_m_s - (0.3 + 0.1 * np.sin(TIME))
-    assert np.abs(error[100:]).max() < 0.02
-    assert estimates.speed_std_m_s.min() >= 0.01 * 0.2
-
-
 def test_the_radius_is_a_state_where_a_speed_from_outside_shows_it():
     speed = np.full(TIME.size, 0.3)
     assert chosen(drive(speed_m_s=speed)).observer.states.radius
     assert not chosen(drive()).observer.states.radius
-    assert not chosen(drive(currents=False, speed_m_s=speed)).observer.states.radius
-
-
-def test_wheels_that_scrub_know_little_of_the_speed():
-    free, scrubbing = (chosen(drive(r, currents=False), r, "ekf").observer for r in (RLMA, SKID))
-    assert scrubbing.noise.radius_std > 10 * free.noise.radius_std
-    speed = np.full(TIME.size, 0.3)
-    assert chosen(drive(SKID, currents=False, speed_m_s=speed), SKID).observer.noise.radius_std == free.noise.radius_std
 
 
 def test_the_first_speed_is_known_as_well_as_the_radius():
-    fast = drive(currents=False)
+    fast = drive()
     fast = replace(fast, wheel_speed_rad_s=100 * fast.wheel_speed_rad_s)
     assert chosen(fast).observer.noise.initial_speed_std_m_s == pytest.approx(0.3, rel=0.2)

@@ -8,11 +8,11 @@ import pytest
 from kernels import kernel_of
 from ohmward.filters.belief import pack, unpack
 from ohmward.logs import DriveLog
-from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
+from ohmward.traction import Motor, Robot, SkidSteer, Wheel
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward.traction.speed_observer.make_observer import FILTERS, default_observer, make_observer
+from ohmward.traction.speed_observer.make_observer import FILTERS, default_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
@@ -120,9 +120,8 @@ def test_a_belief_that_is_no_number_starts_again_and_says_so():
 WARTHOG = Robot("skid", 280.0, 60.0, SkidSteer(0.457, 0.457, 1.1652), Wheel(0.3, 0.25, 0.5), Motor(1.0, 1.0, 10.0))
 
 
-@pytest.mark.parametrize("name", FILTERS)
-def test_slow_wheels_beside_a_fast_gyro_with_gaps_and_without_currents(name):
-    """Wheels at 5 Hz, a gyro at 20 Hz, a gap of 2 s every 2 s; the ground that is believed has a growing resistance."""
+def test_slow_wheels_beside_a_fast_gyro_with_gaps_and_without_currents():
+    """Wheels at 5 Hz, a gyro at 20 Hz, a gap of 2 s every 2 s."""
     rng, steps = np.random.default_rng(3), 4000
     time_s = 0.05 * np.arange(steps) + 2.0 * (np.arange(steps) // 40)
     speed = 2.0 * np.sin(0.9 * time_s) + 1.5 * np.sin(0.37 * time_s)
@@ -131,8 +130,7 @@ def test_slow_wheels_beside_a_fast_gyro_with_gaps_and_without_currents(name):
     wheels = np.where((np.arange(steps) % 4 == 0)[:, None], np.tile(sides, 2), np.nan)
     wheels += 0.1 * rng.standard_normal(wheels.shape)
     log = DriveLog("skid", time_s, wheels, np.full((steps, 4), np.nan), turn + 0.02 * rng.standard_normal(steps))
-    observer = make_observer(WARTHOG, log, hard_terrain("dry asphalt"), name).observer
-    e = SlipEstimator(observer).run(log).estimates
+    e = SlipEstimator(WARTHOG).run(log).estimates
     assert np.abs(e.speed_m_s).max() < 1.25 * np.nanmax(np.abs(wheels)) * 0.3
     error = e.speed_m_s - speed
     held = np.repeat(0.3 * wheels[::4].mean(axis=1), 4) - speed

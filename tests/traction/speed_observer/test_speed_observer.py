@@ -18,7 +18,7 @@ from ohmward.traction.motion.sample import RobotSample, sanitize
 from ohmward.traction.speed_observer.body_sensors import correct_sensor
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+from ohmward.traction.speed_observer.states import KNOWN_GROUND
 
 from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed, plant
 
@@ -27,7 +27,6 @@ FULL = ObserverNoise(
     passive_std_rad_s=0.1,
     speed_std_m_s=0.05,
     pitch_std_rad=0.01,
-    accelerometer_std_m_s2=0.1,
 )
 
 
@@ -190,7 +189,6 @@ def test_on_level_ground_the_rolling_resistance_is_learnt():
         ({"method": "kf"}, "method must be one of ekf, ukf, got 'kf'"),
         ({"gate": 0.0}, "gate must be > 0"),
         ({"window": 0.5}, "window must be >= 1"),
-        ({"states": States(accelerometer_offset=True)}, "needs noise.accelerometer_std_m_s2"),
     ],
 )
 def test_settings_that_are_refused(change, message):

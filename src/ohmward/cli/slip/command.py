@@ -58,24 +58,25 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.output:
         truth = {"speed_truth_m_s": task.reference.truth.speed_m_s} if task.reference else {}
         write_table(observed.columns() | truth, args.output)
-    figures = summary(task, args.filter, observed) | {"output": args.output, "report": args.report}
+    figures = summary(task, observed) | {"output": args.output, "report": args.report}
     page = partial(make_page, task, observed, figures)
     return Outcome(figures, describe(figures), figures["notes"], page, status=int(not observed.fits))
 
 
-def summary(task: SlipTask, name: str, observed: observed_drive.ObservedDrive) -> dict[str, Any]:
+def summary(task: SlipTask, observed: observed_drive.ObservedDrive) -> dict[str, Any]:
     """The object of --json, but for the files."""
     score, truth = None, []
     if task.reference:
         score = score_drive(task.robot, observed.track.estimates, task.reference.truth)
         truth = [f"info: {task.reference.note}"]
     on_floors = observed_drive.floor_figures(observed.on_floors)._asdict() if observed.on_floors else {}
+    assumed = None if observed.method == observed_drive.ODOMETRY else task.terrain.name
     return {
         "command": "slip",
         "log": task.log.name,
         "robot": task.robot.name,
-        "terrain": "learnt floors" if observed.on_floors else task.terrain.name,
-        "filter": name,
+        "terrain": "learnt floors" if observed.on_floors else assumed,
+        "filter": observed.method,
         "steps": len(task.log),
         "seconds": observed.track.seconds,
         "duration_s": task.log.duration_s,
@@ -96,7 +97,7 @@ def describe(f: Mapping[str, Any]) -> str:
     f: the summary of the drive, here and in all functions below.
     """
     return paragraphs(
-        f"{f['log']} with robot {f['robot']!r}: {f['filter']} on {f['terrain']}",
+        f"{f['log']} with robot {f['robot']!r}: {f['filter']}" + (f" on {f['terrain']}" if f["terrain"] else ""),
         fields(result(f)),
         bullets("Slip", episodes(f)),
         fields(errors(f)) if f["truth"] else "",

@@ -19,10 +19,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, CalibrationDrive, Stretches, cut
+from ohmward.traction.odometry.model import RADIUS_STD
 from ohmward.traction.robot.chassis import Mecanum, Omni, Steered
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 from ohmward.traction.terrain.floor import (
     STIFFNESS,
     drag_columns,

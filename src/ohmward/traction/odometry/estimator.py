@@ -13,8 +13,6 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
-from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.motion.outside_speed import ALARM
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of, wheel_values
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
@@ -29,9 +27,6 @@ Increment = Sequence[float] | np.ndarray
 
 #: No pose increment, and no speed observer.
 NO_INCREMENT, NOT_OBSERVED = np.full(3, np.nan), Observed()
-
-#: Time [s] without a report of all driven wheels after which one is silent.
-SILENT_S = 1.0
 
 
 class OdometryRun(Run[OdometryEstimate]):
@@ -191,56 +186,6 @@ def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
     """
     measured = np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
     return measured & (not robot.chassis.scrubs)
-
-
-def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
-    """Estimates (...) of a speed observer without known forces, with speed and slip from wheels and gyro.
-
-    Without motor currents any torque is possible to the observer; which wheel slips, and how fast the robot moves,
-    follows from the hypotheses of the odometry (`traction/odometry/modes.py`). In each of them some wheel rolls, which
-    shows the speed.
-
-    heard: (...) the condition that all driven wheels report; elsewhere the estimates are unchanged.
-    """
-    slip, std = np.asarray(pose.slip_speed_m_s), np.asarray(pose.slip_speed_std_m_s)
-    radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
-    rim = radius_m * np.asarray(estimate.wheel_speed_rad_s)
-    slips = np.asarray(pose.slip_probability)
-    flags = estimate.flags.astype(int) if isinstance(estimate.flags, np.ndarray) else estimate.flags
-    by_pose = {
-        "speed_m_s": pose.speed_m_s,
-        "speed_std_m_s": np.sqrt(pose.twist_cov[..., 0, 0]),
-        "yaw_rate_rad_s": pose.yaw_rate_rad_s,
-        "yaw_rate_std_rad_s": np.sqrt(pose.twist_cov[..., 2, 2]),
-        "slip_speed_m_s": slip,
-        "slip_speed_std_m_s": std,
-        "slip_ratio": slip_ratio(rim, rim - slip),
-        "grip": 1.0 - slips,
-        "slipping": np.where(slips > 0.5, 1.0, 0.0),
-        "immobilised": np.where(np.asarray(pose.stuck_probability) > ALARM, 1.0, 0.0),
-        "unobserved_s": 0.0 * pose.speed_m_s,
-        "flags": flags & ~SlipFlag.SPEED_UNOBSERVED,
-    }
-    if not np.any(heard):
-        return estimate
-    if np.all(heard):
-        return estimate._replace(**by_pose)
-    return estimate._replace(
-        **{name: _where(heard, values, getattr(estimate, name)) for name, values in by_pose.items()}
-    )
-
-
-def are_silent(time_s: np.ndarray, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """(T,) True where the wheels (T, wheels) have not all reported for `SILENT_S`."""
-    measured = np.isfinite(wheel_speed_rad_s).all(axis=1)
-    last = np.maximum.accumulate(np.where(measured, np.arange(len(time_s)), -1))
-    return np.asarray((last < 0) | (time_s - time_s[last] > SILENT_S))
-
-
-def _where(heard: Any, values: Any, others: Any) -> np.ndarray:
-    """Values (..., n) or (...) where the condition (...) holds, else the others."""
-    values, condition = np.asarray(values), np.asarray(heard)
-    return np.where(condition[..., None] if values.ndim > condition.ndim else condition, values, others)
 
 
 def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> Observed:

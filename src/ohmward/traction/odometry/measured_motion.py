@@ -390,7 +390,10 @@ def motion_std(
     noise: OdometryNoise,
 ) -> np.ndarray:
     """Standard deviations (3,) of the motion: an observer's if there is one, else those of slip and scrub."""
-    speed_std_m_s = where(is_held, ROCKS_M_S, noise.slip_share * rim_m_s)
+    rolls_m_s = noise.slip_share * rim_m_s
+    if noise.forward_arm_std_m:
+        rolls_m_s = hypot(rolls_m_s, noise.forward_arm_std_m * yaw_rate_rad_s)
+    speed_std_m_s = where(is_held, ROCKS_M_S, rolls_m_s)
     speed_std_m_s = where(observed, now.observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
     return np.array(

@@ -39,7 +39,6 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
 from ohmward.traction.robot.chassis import SkidSteer, Steered
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 
 
@@ -75,6 +74,7 @@ class OdometryNoise:
     side_slip_share: float = 0.003  #: sideways speed over the speed
     #: sideways speed over the yaw rate [m], by a centre of rotation away from that of the robot file
     side_arm_std_m: float = 0.005
+    forward_arm_std_m: float = 0.0  #: forward speed over the yaw rate that the wheels show [m], likewise
     correlation_s: float = 2.0  #: time constant of the slip errors [s], > 0
     turn_correlation_s: float = 10.0  #: time constant of the yaw rate errors [s], > 0
     #: angle random walk of the gyro [rad per root of a second]; MEMS gyros have 0.2 to 1 degree per root of an hour
@@ -100,11 +100,20 @@ class OdometryNoise:
         require_length("noise.increment_walk", self.increment_walk, 3, "forward, left, turn")
 
 
+#: Standard deviation of an effective radius measured with a ruler (relative).
+RADIUS_STD = 0.01
+
 #: A skid-steered robot drags its wheels sideways: its effective track is 1.3 to 2 times the real one, depending on
-#: ground and load, and its centre of rotation moves between the axles. A Warthog's turn differs from its wheels' by 8 %
-#: over 1.5 s, and by more while the turn begins.
+#: ground and load, and its centre of rotation moves between the axles and the sides. A Warthog's turn differs from its
+#: wheels' by 8 % over 1.5 s, and by more while the turn begins; its speed by 9 %, and in turns by 0.1 m times the rate.
 SCRUBBING = OdometryNoise(
-    radius_std=RADIUS_STD, turn_scale_std=0.3, slip_share=0.01, turn_share=0.2, side_arm_std_m=0.1, side_slip_share=0.02
+    radius_std=RADIUS_STD,
+    turn_scale_std=0.3,
+    slip_share=0.1,
+    turn_share=0.2,
+    side_arm_std_m=0.1,
+    forward_arm_std_m=0.1,
+    side_slip_share=0.02,
 )
 
 

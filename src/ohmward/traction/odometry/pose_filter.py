@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +17,18 @@ from ohmward.filters.gate import choose, inflate, widen
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import cos, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
 from ohmward.traction.motion.sample import (
+    ENTRY_S,
     FIRST_INTERVAL_S,
     LOST,
+    MOST_YAW_RAD_S,
     CleanSample,
     EncoderWatch,
+    change_since,
     no_sample,
     sanitize,
     was_seen,
@@ -84,6 +88,7 @@ from ohmward.traction.odometry.model import (
     RADIUS,
     SLIP,
     TURN_SCALE,
+    UNOBSERVED,
     YAW,
     MotionInput,
     OdometryNoise,
@@ -100,6 +105,9 @@ from ohmward.traction.odometry.model import (
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.robot import Robot
+
+#: Times [s] before the wheels' last value over which their acceleration is found, of those at 5 Hz and faster.
+CHANGES_S = (0.2, 0.5)
 
 
 class PoseState(NamedTuple):
@@ -120,6 +128,15 @@ class PoseState(NamedTuple):
     distance_m: Any = 0.0  #: length of the path
     #: (2,) standard deviation [m] of x and y by the squared yaw error, fully correlated
     second_order_m: np.ndarray = np.zeros(2)
+
+
+class PoseStep(NamedTuple):
+    """Outcome of a step."""
+
+    state: PoseState  #: after it
+    estimate: OdometryEstimate  #: still without flags
+    incidents: dict[OdometryFlag, Scalar]  #: conditions of these
+    unobserved_s: Scalar  #: time since wheels or an observer have shown the speed; 0 while their last value holds
 
 
 @dataclass(frozen=True)
@@ -172,7 +189,12 @@ class PoseFilter:
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
-        """State and estimate after a sample: dead reckoning, then each measurement corrects."""
+        """State and estimate after a sample."""
+        after, estimate, incidents, _ = self.observe(state, sample)
+        return after, estimate._replace(flags=flags_of(incidents))
+
+    def observe(self, state: PoseState, sample: OdometrySample) -> PoseStep:
+        """Outcome of a step: dead reckoning, then each measurement corrects."""
         clean, encoders = without_stopped(sanitize(sample.robot, self.gap_s), state.encoders, self.robot)
         watch = watch_gyro(state.watch, clean, self.robot)
         clean = without_mirrored_gyro(without_stuck_gyro(clean, watch), watch)
@@ -218,13 +240,13 @@ class PoseFilter:
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
         estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, distance_m, second_order_m)
         no_encoder = some_silent(encoders, sensors, self.robot)
-        flags = self.flags(before, clean, no_encoder, motion, body)
+        incidents = self.incidents(before, clean, no_encoder, motion, body)
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
-        return after, estimate._replace(flags=flags)
+        return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
     def estimate_gyro_noise(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
         """Noise of the gyro after the step; its sample is new if its age is zero."""
@@ -287,7 +309,9 @@ class PoseFilter:
         pose_cov = pose_cov + np.diag(missed) + alone * unconfirmed.way_variance * np.outer(way, way)
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         by_slide = np.array([alone * unconfirmed.speed_variance, 0.0, 0.0])
-        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide))
+        changed = motion_changed(motion.input) ** 2
+        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide + changed))
+        changed_m_s = changed_since_value(motion)
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
         stuck = where(motion.by_driven & motion.turns, motion.sensors.held.probability, 0.0)
         # Rims that have come halfway back to the last outside speed no longer slide.
@@ -303,7 +327,7 @@ class PoseFilter:
             speed_m_s=rates[0],
             speed_left_m_s=rates[1],
             yaw_rate_rad_s=rates[2],
-            twist_cov=twist_cov,
+            twist_cov=twist_cov + np.diag([changed_m_s * changed_m_s, 0.0, 0.0]),
             distance_m=distance_m,
             gyro_offset_rad_s=x[OFFSET],
             gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
@@ -316,11 +340,11 @@ class PoseFilter:
             flags=0.0,
         )
 
-    def flags(
+    def incidents(
         self, before: Belief, clean: CleanSample, no_encoder: Scalar, motion: MeasuredMotion, body: PoseCorrection
-    ) -> Scalar:
-        """Flags of a sample."""
-        return flags_of({
+    ) -> dict[OdometryFlag, Scalar]:
+        """Conditions of the flags of a sample."""
+        return {
             OdometryFlag.BAD_TIME: logical_not(clean.time_credible),
             OdometryFlag.GAP: clean.gap,
             OdometryFlag.NO_WHEELS: motion.no_wheels,
@@ -335,7 +359,7 @@ class PoseFilter:
             OdometryFlag.INCREMENT_REJECTED: body.increment_rejected,
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
-        })  # fmt: skip
+        }
 
 
 def newly(now: np.ndarray, before: np.ndarray) -> Scalar:
@@ -433,6 +457,23 @@ def second_order(before: Belief, after: Belief) -> np.ndarray:
     """
     share = minimum(0.5 * math.sqrt(3.0) * after.cov[YAW, YAW], math.sqrt(1.5))
     return share * (after.mean[:YAW] - before.mean[:YAW])
+
+
+def motion_changed(u: MotionInput) -> np.ndarray:
+    """Standard deviations (3,) [m/s, m/s, rad/s] by which the motion may have changed since it was last observed."""
+    unobserved_s = np.array([*u.unobserved_s[:YAW], where(u.by_gyro, 0.0, u.unobserved_s[YAW])])
+    return minimum(UNOBSERVED * unobserved_s, np.array([FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S]))
+
+
+def changed_since_value(motion: MeasuredMotion) -> Scalar:
+    """Standard deviation [m/s] of the speed by its change since the wheels' last value, while that holds.
+
+    It goes on changing as before that value, over the usual interval or any of `CHANGES_S`, whichever was fastest.
+    """
+    rims, intervals = motion.sensors.rims, motion.sensors.intervals
+    age_s, usual_s = intervals.age_s[WHEELS], maximum(intervals.usual_s[WHEELS], ENTRY_S)
+    rates_m_s2 = [abs(change_since(rims, age_s + span_s)) / span_s for span_s in (*CHANGES_S, usual_s)]
+    return where(motion.by_driven, reduce(maximum, rates_m_s2) * age_s, 0.0)
 
 
 def travelled(belief: Belief, u: MotionInput) -> Scalar:

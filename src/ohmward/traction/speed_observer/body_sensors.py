@@ -1,4 +1,4 @@
-"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill, speeds, passive wheels.
+"""Sensors of the body, each an update of its own: gyro, pitch, standstill, speeds, passive wheels.
 
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
 costs nothing; a measurement that is missing or outside its gate changes nothing.
@@ -106,15 +106,6 @@ def use_pitch(body: BodyCorrection, clean: CleanSample, model: Model, gate: Sens
     return body._replace(belief=belief, rejected=body.rejected._replace(pitch_s=pitch_s))
 
 
-def use_accelerometer(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
-    """Correct with the specific force along x."""
-    std, y = model.noise.accelerometer_std_m_s2, clean.acceleration_m_s2
-    if std is None:
-        return body
-    belief, _ = correct_sensor(body.belief, y, lambda x: model.specific_force(x, clean), std**2, gate.nis)
-    return body._replace(belief=belief)
-
-
 def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyCorrection:
     """Correct with the zero speed and yaw rate of a robot at rest."""
     belief = body.belief
@@ -126,14 +117,13 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
 def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Model) -> BodyCorrection:
     """Correct with the zero speed of a robot that is held while its wheels turn, whatever speed they suggest.
 
-    It rocks, with errors that last for a second; if no force is known, its speed walks so far from sample to sample
-    that they do not.
+    It rocks, with errors that last for a second.
     """
     if model.noise.speed_std_m_s is None:
         return body
     nu = body.belief.mean[0]
     opened = widen(body.belief, 0, nu * nu)
-    lasts = 1.0 / clip(clean.dt_s, LEAST_DIVISOR, 1.0) if model.states.friction else 1.0
+    lasts = 1.0 / clip(clean.dt_s, LEAST_DIVISOR, 1.0)
     belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2 * lasts, held)
     return body._replace(belief=belief, observable=some([body.observable, held]))
 

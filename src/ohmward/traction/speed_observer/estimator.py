@@ -17,9 +17,8 @@ from ohmward.trace import Kernel, maximum
 from ohmward.trace.snapshot import take
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of, wheel_values
-from ohmward.traction.odometry.estimator import SILENT_S, Odometry, are_silent, with_slip_of
-from ohmward.traction.odometry.measured_motion import WHEELS
-from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.pose_filter import pose_filter
+from ohmward.traction.odometry.slip import SlipByOdometry
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
@@ -34,7 +33,7 @@ class SlipRun(Run[SlipEstimate]):
     flag_type = SlipFlag
 
 
-def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> SlipRun:
+def observe(observer: SpeedObserver | SlipByOdometry, log: DriveLog, progress: Progress | None = None) -> SlipRun:
     """Estimates at every sample of a drive.
 
     progress: called now and then with (steps done, T).
@@ -49,7 +48,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
     """Speed and slip, live or from logs.
 
     Until a motor current shows the force that drives the robot, speed and slip are those of an `Odometry` of the same
-    samples; the motors of wheels that scrub never show it.
+    samples; the motors of wheels that scrub never show it. Traction is then nan.
 
     >>> estimator = ow.SlipEstimator("rlma", terrain="gravel")
     >>> estimator.update(time_s=0.0, wheel_speed_rad_s=[0.0, 0.0], current_A=[0.5, 0.5]).slip_speed_m_s.shape
@@ -70,17 +69,20 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
 
     def __init__(
         self,
-        robot: Robot | SpeedObserver | str,
+        robot: Robot | SpeedObserver | SlipByOdometry | str,
         lowering: str | None = None,
         terrain: Terrain | str = DEFAULT_TERRAIN,
         filter: str = DEFAULT_FILTER,
     ):
         if isinstance(robot, str):
             robot = load_robot(robot)
-        observer = robot if isinstance(robot, SpeedObserver) else default_observer(robot, terrain, filter)
+        observer = default_observer(robot, terrain, filter) if isinstance(robot, Robot) else robot
         super().__init__(observer, lowering)
         self.observer = observer
-        self._odometry = Odometry(robot, lowering) if isinstance(robot, Robot) else None
+        #: Estimates until a motor current shows the force that drives the robot; None from then on.
+        self._unforced: SlipEstimator | None = None
+        if isinstance(robot, Robot) and isinstance(observer, SpeedObserver):
+            self._unforced = SlipEstimator(SlipByOdometry(pose_filter(robot)), lowering)
 
     def update(
         self,
@@ -111,7 +113,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         Raises:
             InputError: a value is not a number, or there is not one for each wheel or motor.
         """
-        robot = self.observer.scene.robot
+        robot = self.observer.robot
         current_A = None if isinstance(robot.chassis, Steered) else current_A
         time_s = number("time_s", time_s)
         sample = RobotSample(
@@ -136,70 +138,61 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         Raises:
             InputError: the log is of a robot with other wheels.
         """
-        log = as_drive(log, self.observer.scene.robot)
-        samples = samples_of(log, self.observer.scene.robot, self.time_s)
-        odometry, self._odometry = self._odometry, None
+        log = as_drive(log, self.observer.robot)
+        samples = samples_of(log, self.observer.robot, self.time_s)
+        alone, self._unforced = self._unforced, None
         estimates, seconds = self._scan(samples, first_of(samples), float(log.time_s[-1]), progress)
-        unforced = np.cumsum(self._shows_force(samples)) == 0
-        if odometry is not None and unforced.any():
-            path = odometry.run(log)
-            robot = odometry.settings.robot
-            heard = ~are_silent(log.time_s, log.wheel_speed_rad_s[:, : robot.driven])
-            estimates = with_slip_of(robot, estimates, path.estimates, unforced & heard)
-            seconds += path.seconds
-            self._odometry = odometry if unforced[-1] else None
+        unforced = np.cumsum(np.isfinite(samples.current_A).any(axis=1)) == 0
+        if alone is not None and unforced.any():
+            by_wheels = alone.run(log)
+            pairs = zip(by_wheels.estimates, estimates, strict=True)
+            estimates = SlipEstimate(*(np.where(unforced, a.T, b.T).T for a, b in pairs))
+            seconds += by_wheels.seconds
+            self._unforced = alone if unforced[-1] else None
             self.last = self._last_of(estimates)
         return SlipRun(log.time_s, estimates, seconds)
 
     def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON, see `LiveEstimator.snapshot`; with that of the odometry, if it is in use."""
-        if self._odometry is None:
+        """The state as a dict for JSON, see `LiveEstimator.snapshot`."""
+        if self._unforced is None:
             return super().snapshot()
-        return take(self.settings, self.state, self.time_s, odometry=self._odometry.snapshot())
+        return take(self.settings, self.state, self.time_s, unforced=self._unforced.snapshot())
 
     @classmethod
     def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
         """The estimator that continues from a snapshot, see `LiveEstimator.restore`."""
         estimator = super().restore(settings, snapshot, **options)
-        if estimator._odometry is not None:
-            before = snapshot.get("odometry")
-            pose_filter = estimator._odometry.settings
-            estimator._odometry = Odometry.restore(pose_filter, before, lowering=estimator.lowering) if before else None
+        if estimator._unforced is not None:
+            before, alone = snapshot.get("unforced"), estimator._unforced.settings
+            estimator._unforced = SlipEstimator.restore(alone, before, lowering=estimator.lowering) if before else None
         return estimator
 
     def _advance(self, sample: RobotSample, clock_s: float) -> SlipEstimate:
         estimate = super()._advance(sample, clock_s)
-        if self._odometry is not None and self._shows_force(sample):
-            self._odometry = None
-        if self._odometry is None:
-            return estimate
-        pose = self._odometry.step(OdometrySample(sample))
-        robot = self._odometry.settings.robot
-        reports = bool(np.isfinite(sample.wheel_speed_rad_s[: robot.driven]).all())
-        heard = reports or self._odometry.state.motion.intervals.age_s[WHEELS] <= SILENT_S
-        self.last = with_slip_of(robot, estimate, pose, heard)
-        return self.last
-
-    def _shows_force(self, samples: RobotSample) -> np.ndarray:
-        """Conditions (...) that a motor current of samples (...) shows the force that drives the robot."""
-        return np.isfinite(samples.current_A).any(axis=-1) & self.observer.uses_currents
+        if self._unforced is not None and np.isfinite(sample.current_A).any():
+            self._unforced = None
+        if self._unforced is not None:
+            estimate = self.last = self._unforced.step(sample)
+        return estimate
 
     def compiled(self) -> Kernel:
         """The step, compiled."""
-        nothing = self.no_sample()
-        step = partial(considered_step, self.observer)
-        return Kernel(step, self.observer.init(nothing), nothing, lowering=self.lowering)
+        nothing, observer = self.no_sample(), self.observer
+        step = partial(considered_step, observer) if isinstance(observer, SpeedObserver) else observer.step
+        return Kernel(step, observer.init(nothing), nothing, lowering=self.lowering)
 
     def __copy__(self) -> Self:
         other = super().__copy__()
-        other._odometry = copy(self._odometry)
+        other._unforced = copy(self._unforced)
         return other
 
     def __repr__(self) -> str:
-        robot, ground = self.observer.scene.robot, self.observer.scene.terrains[0]
-        e = self.last
+        observer, e = self.observer, self.last
+        how = f"odometry, {observer.robot.name}"
+        if isinstance(observer, SpeedObserver):
+            how = f"{observer.method}, {observer.robot.name} on {observer.scene.terrains[0].name}"
         now = f", speed {e.speed_m_s:z.3f} ± {BAND_95 * e.speed_std_m_s:.3f} m/s" if e else ""
-        return f"SlipEstimator({self.observer.method}, {robot.name} on {ground.name}{now})"
+        return f"SlipEstimator({how}{now})"
 
 
 def considered_step(

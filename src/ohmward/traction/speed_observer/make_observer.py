@@ -11,12 +11,8 @@ Disturbance acceleration of a drive: the part that neither the robot file nor a 
 tau is the motors' torque, and v the motion that the wheels show while they grip. d contains slopes, rolling resistance,
 and all friction that the robot file lacks. Its median is robust against slip, which is rare.
 
-Effective track of a skid-steered robot, where its file has none and its log has wheels and a gyro.
-
-    b_eff = sum (v_right - v_left) psi_dot / sum psi_dot^2
-
-The side speeds of a robot that scrubs differ by more than its yaw rate times its track; with the track alone, left
-wheels, right wheels and gyro contradict each other in every turn, and the observer interprets the difference as slip.
+A robot whose motor currents do not show the force that drives it is observed by wheels and gyro, see `SlipByOdometry`:
+one whose currents are not measured, and one whose wheels scrub.
 """
 
 from __future__ import annotations
@@ -33,14 +29,14 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S, TURNS_M_S
-from ohmward.traction.motion.sample import LEAST_DIVISOR
-from ohmward.traction.robot.chassis import SkidSteer
+from ohmward.traction.odometry.model import RADIUS_STD, noise_of
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.slip import SlipByOdometry
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.packaged import load_robot
-from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, motion_from_wheels
+from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
@@ -140,11 +136,6 @@ def usual_step_s(log: DriveLog) -> float:
     return float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
 
 
-#: Smallest yaw rate [rad/s, root mean square], and smallest correlation of it with the difference of the sides, from
-#: which the track is found: the wheels of a robot that slides sideways say little about its turns.
-YAWS_RAD_S, LEAST_CORRELATION = 0.1, 0.9
-
-
 #: Window [s] over which speeds change by more than the noise of encoders.
 WINDOW_S = 0.3
 
@@ -158,27 +149,11 @@ _FEWEST_FOR_DISTURBANCE = 20
 #: Filters by name: method, and whether R of the encoders is matched.
 FILTERS = {"ekf": ("ekf", False), "aekf": ("ekf", True), "ukf": ("ukf", False), "aukf": ("ukf", True)}
 
-#: Smallest standard deviations taken from a log: rad/s of a gyro with its offset, m/s^2 of an accelerometer on a robot
-#: that shakes.
+#: Smallest standard deviation [rad/s] taken from a log for a gyro, with its offset.
 LEAST_GYRO_RAD_S = 0.01
-LEAST_ACCELEROMETER_M_S2 = 0.2
 
-#: Standard deviation of an attitude filter [rad], and of an effective radius measured with a ruler (relative).
+#: Standard deviation of an attitude filter [rad].
 PITCH_RAD = math.radians(0.5)
-RADIUS_STD = 0.01
-
-#: Standard deviation of an uncalibrated accelerometer's offset [m/s^2]: mounted 2 degrees off.
-ACCELEROMETER_OFFSET_M_S2 = 0.35
-
-#: Without measured motor currents: traction of a wheel over its load, and its duration [s].
-UNMEASURED_TRACTION, UNMEASURED_S = 0.3, 1.0
-
-#: Age of an encoder's speed in steps, if no known force gives the change of speed within a step: the model then
-#: predicts only the settling of its own errors, which with a slow encoder would build up from value to value.
-UNFORCED_LAG_SHARE = 0.0
-
-#: Slip [m/s] at which a wheel surely grips.
-SMALL_SLIP_M_S = 1e-4
 
 #: Disturbance [g] from which ground or robot differ from the assumed ones: the wheels may slip by that share of their
 #: speed, as on a ground whose adhesion grows with slip no faster than one to one.
@@ -191,15 +166,13 @@ LARGE_DISTURBANCE = (
 #: Correlation time [s] of a disturbance.
 DISTURBANCE_S = 5.0
 
-#: For wheels that scrub: their slip as a share of the speed of their rims, where neither a force nor an external speed
-#: is known, and the walk of a yaw rate that is not the wheels' [rad/s over the root of a second].
-SCRUBBING_SHARE = 0.25
-SCRUBBING_YAW_WALK = 3.0
-#: The same walk if the effective track is known, to within the tenth or so that scrubbing changes it by: a third of it.
-TRACKED_YAW_WALK = 1.0
 SCRUBBING = (
-    "a skid-steered robot is observed as one whose wheels are free sideways: its turns are the gyro's, and its motor "
-    "currents give no force, because much of them drags the wheels sideways"
+    "the slip of a skid-steered robot follows from wheels and gyro: its motor currents give no force, because much of "
+    "them drags the wheels sideways"
+)
+NO_CURRENTS = " and no gyro: slip shows only in an outside speed"
+NO_CURRENTS_BUT_GYRO = (
+    ": wheels and gyro show which wheel slips beside others; that all slip alike shows only in an outside speed"
 )
 
 #: Length of a step, over the usual one, from which it is a gap.
@@ -209,7 +182,7 @@ GAP_STEPS = 2.5
 class Chosen(NamedTuple):
     """An observer, and notes on the choices that made it."""
 
-    observer: SpeedObserver
+    observer: SpeedObserver | SlipByOdometry
     notes: tuple[Note, ...]
 
 
@@ -228,28 +201,23 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column left_wheel_speed=NAME "
             "(columns={'left_wheel_speed': 'NAME'}), or correct the robot"
         )
-    tracked = with_effective_track(robot, log)
-    rolling = free_sideways(tracked)
-    # The motor currents give the force that drives the robot; those of wheels that scrub mostly do not.
-    force = not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
-    disturbance_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
-    noise = sensor_noise(rolling, log, force)
-    if not force:
-        rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
-        noise = replace(noise, speed_walk=unmeasured_force_walk(rolling, rim_m_s, terrain))
-    if isinstance(tracked.chassis, SkidSteer):
-        noise = replace(noise, yaw_rate_walk=yaw_rate_walk(tracked.chassis))
-    noise = with_disturbance(noise, disturbance_g)
-    if "speed_m_s" not in log.channels:
-        by_disturbance = disturbance_g if disturbance_g > LARGE_DISTURBANCE_G else 0.0
-        slip = SCRUBBING_SHARE if robot.chassis.scrubs else by_disturbance
-        noise = replace(noise, radius_std=math.hypot(RADIUS_STD, slip))
-    states = states_of(noise, force)
+    if robot.chassis.scrubs or not np.isfinite(log.motor_current_A).any(axis=0).all():
+        return Chosen(SlipByOdometry(odometry_for(robot, log)), unforced_notes(robot, log))
+    disturbance_g = disturbance_m_s2(robot, log) / GRAVITY
+    noise = with_disturbance(sensor_noise(robot, log), disturbance_g)
+    if "speed_m_s" not in log.channels and disturbance_g > LARGE_DISTURBANCE_G:
+        noise = replace(noise, radius_std=math.hypot(RADIUS_STD, disturbance_g))
     gap_s = max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log))
-    observer = SpeedObserver(
-        scene(rolling, terrain), states, noise, method, matching, not robot.chassis.scrubs, gap_s=gap_s
-    )
-    return Chosen(observer, notes_of(observer, log, robot, disturbance_g) + track_notes(robot, tracked))
+    states = States(radius=noise.speed_std_m_s is not None)
+    observer = SpeedObserver(scene(robot, terrain), states, noise, method, matching, gap_s=gap_s)
+    return Chosen(observer, notes_of(observer, log, disturbance_g))
+
+
+def odometry_for(robot: Robot, log: DriveLog) -> PoseFilter:
+    """Odometry of a robot, with the initial standard deviation of an outside speed taken from the log."""
+    if "speed_m_s" not in log.channels:
+        return pose_filter(robot)
+    return pose_filter(robot, replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
 
 
 def filter_named(name: str) -> tuple[str, bool]:
@@ -258,34 +226,21 @@ def filter_named(name: str) -> tuple[str, bool]:
     return FILTERS[name.lower()]
 
 
-def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
-    """Noise of the sensors that the log has; force: it is known from the motor currents.
-
-    Otherwise the accelerometer is used, with the pitch to remove gravity.
-    """
+def sensor_noise(robot: Robot, log: DriveLog) -> ObserverNoise:
+    """Noise of the sensors that the log has."""
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
-    accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not force
     known_rad_s = driven[np.isfinite(driven)]
     first_m_s = abs(float(known_rad_s[0])) * robot.wheel.radius_m if known_rad_s.size else 0.0
     return ObserverNoise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
-        encoder_lag_share=ObserverNoise.encoder_lag_share if force else UNFORCED_LAG_SHARE,
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
         gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
         speed_std_m_s=speed_std_m_s(robot, log) if "speed_m_s" in has else None,
         pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
-        accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
-        accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
         radius_std=RADIUS_STD,
-        torque_std_Nm=ObserverNoise.torque_std_Nm if force else unmeasured_torque_Nm(robot, usual_step_s(log)),
         initial_speed_std_m_s=math.hypot(ObserverNoise.initial_speed_std_m_s, RADIUS_STD * first_m_s),
     )
-
-
-def yaw_rate_walk(chassis: SkidSteer) -> float:
-    """Walk of the yaw rate [rad/s over the root of a second] of wheels that scrub."""
-    return SCRUBBING_YAW_WALK if chassis.effective_track_m is None else TRACKED_YAW_WALK
 
 
 def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNoise:
@@ -296,60 +251,24 @@ def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNois
     return replace(noise, grade_std_rad=std, grade_walk=max(noise.grade_walk, std * math.sqrt(2 / DISTURBANCE_S)))
 
 
-def unmeasured_torque_Nm(robot: Robot, step_s: float) -> float:
-    """Standard deviation of an unmeasured torque, as white noise: any that the ground takes for a while."""
-    load_N = robot.mass_kg * GRAVITY / len(robot.places)
-    white = math.sqrt(max(UNMEASURED_S / max(step_s, LEAST_DIVISOR), 1.0))
-    return UNMEASURED_TRACTION * load_N * robot.wheel.radius_m * white
-
-
-def unmeasured_force_walk(robot: Robot, rim_m_s: float, terrain: Terrain) -> float:
-    """Walk of the speed [m/s over the root of a second] where the force that drives the robot is not measured.
-
-    A lasting acceleration a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a
-    walk q of the speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both equal: white torque noise alone
-    would be averaged out.
-    """
-    load_N = robot.mass_kg * GRAVITY / len(robot.places)
-    gripping = contact(rim_m_s + SMALL_SLIP_M_S, rim_m_s, load_N)
-    slope_s_per_m = float(terrain.traction.force_N(gripping)) / load_N / SMALL_SLIP_M_S
-    return UNMEASURED_TRACTION * GRAVITY * math.sqrt(2 / (slope_s_per_m * GRAVITY))
-
-
-def states_of(noise: ObserverNoise, force: bool) -> States:
-    """Observable states: without a known force none of the ground, without an external speed no radius.
-
-    A filter learns an unobservable radius from the errors of its model. If it is not a state, its part in the sigmas is
-    added by `consider_radius`.
-    """
-    return States(
-        friction=force,
-        stiffness=force,
-        grade=force,
-        radius=force and noise.speed_std_m_s is not None,
-        accelerometer_offset=noise.accelerometer_std_m_s2 is not None,
-    )
-
-
-def notes_of(observer: SpeedObserver, log: DriveLog, robot: Robot, disturbance_g: float) -> tuple[Note, ...]:
+def notes_of(observer: SpeedObserver, log: DriveLog, disturbance_g: float) -> tuple[Note, ...]:
     """Notes on the choices, in order of importance."""
     notes = []
     if disturbance_g > LARGE_DISTURBANCE_G:
         notes.append(Note(LARGE_DISTURBANCE.format(disturbance_g), "warning"))
-    estimated = "; its friction and stiffness are estimated" if observer.states.stiffness else ""
-    notes.append(Note(f"ground assumed to be {observer.scene.terrains[0].name}{estimated}"))
-    if robot.chassis.scrubs:
-        notes.append(Note(SCRUBBING))
+    ground = observer.scene.terrains[0].name
+    notes.append(Note(f"ground assumed to be {ground}; its friction and stiffness are estimated"))
     return (*notes, *sensor_notes(observer.noise, log))
 
 
-def track_notes(robot: Robot, tracked: Robot) -> tuple[Note, ...]:
-    """A note if the effective track was found from the log."""
-    if tracked is robot or not isinstance(tracked.chassis, SkidSteer):
-        return ()
-    found_m, track_m = tracked.chassis.turning_track_m, tracked.chassis.track_m
-    text = f"effective track taken from wheels and gyro: {found_m:.3g} m, {found_m / track_m:.3g} times the track"
-    return (Note(f"{text}; a robot file from `ohmward calibrate` has it"),)
+def unforced_notes(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
+    """Notes where the motor currents of the log do not show the force that drives the robot."""
+    notes = [Note(SCRUBBING)] if robot.chassis.scrubs else []
+    measured = np.isfinite(log.motor_current_A).any()
+    if not (measured and robot.chassis.scrubs):
+        text = NO_CURRENTS_BUT_GYRO if "yaw_rate_rad_s" in log.channels else NO_CURRENTS
+        notes.append(Note(f"{'not all' if measured else 'no'} motor currents{text}", "warning"))
+    return tuple(notes)
 
 
 def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
@@ -360,39 +279,12 @@ def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
         "gyro": (noise.gyro_std_rad_s, "rad/s"),
         "speed from outside": (noise.speed_std_m_s, "m/s"),
         "pitch": (noise.pitch_std_rad, "rad"),
-        "accelerometer": (noise.accelerometer_std_m_s2, "m/s2"),
     }
     used = ", ".join(f"{name} {std:.2g} {unit}" for name, (std, unit) in stds.items() if std is not None)
     notes = [Note(f"standard deviations taken from the log: {used}")]
-    if "acceleration_m_s2" in log.channels and noise.accelerometer_std_m_s2 is None:
-        text = "the accelerometer is not used: it needs a pitch, and the motor currents give the same force"
-        notes.append(Note(text))
-    if not np.isfinite(log.motor_current_A).any():
-        text = "no motor currents and no gyro: slip shows only in an outside speed"
-        if "yaw_rate_rad_s" in log.channels:
-            text = (
-                "no motor currents: wheels and gyro show which wheel slips beside others; that all slip alike shows "
-                "only in an outside speed"
-            )
-        notes.append(Note(text, "warning"))
+    if "acceleration_m_s2" in log.channels:
+        notes.append(Note("the accelerometer is not used: the motor currents give the same force"))
     return tuple(notes)
-
-
-def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
-    """The robot with the effective track that wheels and gyro of the log show; unchanged if known or not found."""
-    chassis = robot.chassis
-    if not isinstance(chassis, SkidSteer) or chassis.effective_track_m is not None or log.yaw_rate_rad_s is None:
-        return robot
-    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
-    known = np.isfinite(by_wheels) & np.isfinite(log.yaw_rate_rad_s)
-    sides_m_s, gyro = chassis.track_m * by_wheels[known], log.yaw_rate_rad_s[known]
-    power = float(gyro @ gyro)
-    if power <= YAWS_RAD_S**2 * max(known.sum(), 1):
-        return robot
-    together = float(sides_m_s @ gyro)
-    if together < LEAST_CORRELATION * np.sqrt(power * float(sides_m_s @ sides_m_s)):
-        return robot
-    return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
 
 
 def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
@@ -431,13 +323,10 @@ ANY_SENSORS = ObserverNoise(
     gyro_std_rad_s=LEAST_GYRO_RAD_S, pitch_std_rad=PITCH_RAD, speed_std_m_s=ASSUMED_STD_M_S, radius_std=RADIUS_STD
 )
 
-#: Assumed rim speed and step before there is a drive, if the motor currents do not give the force.
-USUAL_SPEED_M_S, USUAL_STEP_S = 0.5, 0.02
-
 
 def default_observer(
     robot: Robot | str, terrain: Terrain | str = DEFAULT_TERRAIN, filter: str = DEFAULT_FILTER
-) -> SpeedObserver:
+) -> SpeedObserver | SlipByOdometry:
     """The observer of a robot on this ground, before there is a log of it.
 
     robot: or the path of its file, or the name of a packaged one.
@@ -452,27 +341,8 @@ def default_observer(
         robot = load_robot(robot)
     if not isinstance(terrain, Terrain):
         terrain = terrain_named(terrain, robot.wheel)
-    rolling, force = free_sideways(robot), not robot.chassis.scrubs
-    noise = any_noise(rolling, terrain, force)
-    if isinstance(robot.chassis, SkidSteer):
-        noise = replace(noise, yaw_rate_walk=yaw_rate_walk(robot.chassis))
-    states = replace(states_of(noise, force), radius=False)
-    return SpeedObserver(scene(rolling, terrain), states, noise, method, matching, force)
-
-
-def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:
-    """Usual noise of every sensor that the robot may have.
-
-    force: the motor currents give the force that drives the robot; they do not where wheels scrub.
-    """
+    if robot.chassis.scrubs:
+        return SlipByOdometry(pose_filter(robot))
     has_passive = len(robot.places) > robot.driven
     noise = replace(ANY_SENSORS, passive_std_rad_s=ObserverNoise.encoder_std_rad_s if has_passive else None)
-    if force:
-        return noise
-    return replace(
-        noise,
-        encoder_lag_share=UNFORCED_LAG_SHARE,
-        radius_std=math.hypot(RADIUS_STD, SCRUBBING_SHARE),
-        torque_std_Nm=unmeasured_torque_Nm(robot, USUAL_STEP_S),
-        speed_walk=unmeasured_force_walk(robot, USUAL_SPEED_M_S, terrain),
-    )
+    return SpeedObserver(scene(robot, terrain), States(radius=False), noise, method, matching)

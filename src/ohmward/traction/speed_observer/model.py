@@ -19,9 +19,9 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import widen
 from ohmward.filters.linear_algebra import mirror_lower, std
-from ohmward.trace import exp, isfinite, maximum, minimum, sin, sqrt, where
+from ohmward.trace import exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
+from ohmward.traction.dynamics.forces import RobotInput, Scene, normal_loads
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, SensorStds
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -102,7 +102,6 @@ class Model:
             "grade_rad": GaussMarkov(noise.grade_std_rad, noise.grade_walk),
             "rolling_excess": GaussMarkov(noise.rolling_std, noise.rolling_walk),
             "radius_ratio": GaussMarkov(noise.radius_std, 0.0),
-            "accelerometer_offset_m_s2": GaussMarkov(noise.accelerometer_offset_std_m_s2, 0.0),
         }
         return known.get(name, GaussMarkov(0.0, 0.0))
 
@@ -250,15 +249,6 @@ class Model:
         parts = self.layout.split(x)._replace(rolling_ratio=1.0)
         forces = without_traction(parts, self.input(x, clean), self.scene, self.static_load_N)
         return self.scene.robot.rolling[:, 0] @ forces.rolling_N
-
-    def specific_force(self, x: np.ndarray, clean: CleanSample) -> np.ndarray:
-        """Output (1,) [m/s^2] of an accelerometer along x in state x."""
-        parts, robot = self.layout.split(x), self.scene.robot
-        u = self.input(x, clean)
-        other = without_traction(parts, u, self.scene, self.static_load_N)
-        other_N = momentum_rates(x[: self.layout.robot_states], u, self.scene, other)[0]
-        total_N = other_N + robot.rolling[: self.driven, 0] @ self.traction_N(x)
-        return np.array([total_N / robot.inertia[0] + GRAVITY * sin(u.grade_rad) + parts.accelerometer_offset])
 
     def passive_speed(self, k: int) -> Callable[[np.ndarray], np.ndarray]:
         """Speed (1,) [rad/s] of wheel k, which is not driven, as a function of the state."""

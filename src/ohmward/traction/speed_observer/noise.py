@@ -29,12 +29,11 @@ class ObserverNoise:
     #: wheels only, 0.1 and 0.2 are overconfident, and 0.8 is needlessly wide.
     curve_shape_correlation_s: float = 0.5
     #: of a gyro (offset included), of encoders on wheels that are not driven, of an external speed without a std of its
-    #: own, of a measured pitch, of an accelerometer
+    #: own, of a measured pitch
     gyro_std_rad_s: float | None = None
     passive_std_rad_s: float | None = None
     speed_std_m_s: float | None = None
     pitch_std_rad: float | None = None
-    accelerometer_std_m_s2: float | None = None
     #: of unknown accelerations [m/s, rad/s, over the root of a second]
     speed_walk: float = 0.015
     yaw_rate_walk: float = 0.3
@@ -56,7 +55,6 @@ class ObserverNoise:
     mass_std: float | None = None
     rolling_std: float = 0.7  #: relative, of the terrain's rolling resistance
     radius_std: float = 0.005  #: relative, of the effective radius
-    accelerometer_offset_std_m_s2: float = 0.1  #: of the state of that name
 
     def __post_init__(self) -> None:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}

@@ -58,11 +58,11 @@ from ohmward.traction.motion.sample import (
     was_seen,
 )
 from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
+from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
     BodyTimers,
     SensorGate,
-    use_accelerometer,
     use_gyro,
     use_held,
     use_passive_wheels,
@@ -180,8 +180,6 @@ class SpeedObserver:
     noise: ObserverNoise = field(default_factory=ObserverNoise)  #: of sensors and model; says which sensors there are
     method: str = "ukf"  #: "ekf" or "ukf"
     matching: bool = False  #: learn the noise of encoders, currents and gyro (AEKF, AUKF)
-    #: the motor currents give the force that drives the robot; those of wheels that scrub do not
-    uses_currents: bool = True
     window: float = 100.0  #: effective samples of the matching; [T] uses 100
     alarm: SlipAlarm = field(default_factory=SlipAlarm)  #: tests for slip and for a robot that is stuck
     gate: float = 10.8  #: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %
@@ -202,16 +200,12 @@ class SpeedObserver:
         if self.scene.robot.chassis.scrubs:
             raise InputError(
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
-                'Differential(driven="all"), give it a gyro and raise noise.yaw_rate_walk'
+                'Differential(driven="all"), or observe it by `SlipByOdometry`'
             )
         require_each_positive("", self, "gate", "encoder_gate", "gap_s")
         require_each_not_negative("", self, "reset_after_s", "rest_wheel_rad_s", "rest_current_A")
         require_between("window", self.window, 1.0, math.inf)
         require_between("late_steps", self.late_steps, 0, 1000)
-        if self.states.accelerometer_offset and self.noise.accelerometer_std_m_s2 is None:
-            raise InputError(
-                "states.accelerometer_offset needs noise.accelerometer_std_m_s2; give it or drop the state"
-            )
 
     @cached_property
     def model(self) -> Model:
@@ -219,14 +213,14 @@ class SpeedObserver:
         return Model(self.scene, self.states, self.noise)
 
     @property
+    def robot(self) -> Robot:
+        """Robot with its wheels."""
+        return self.scene.robot
+
+    @property
     def sensor_gate(self) -> SensorGate:
         """Gate of the sensors of the body."""
         return SensorGate(self.gate, self.reset_after_s)
-
-    @property
-    def gyro_first(self) -> bool:
-        """True if the ground is not estimated: the gyro gives turns first, and what wheels add is slip."""
-        return not self.states.friction
 
     def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""
@@ -242,13 +236,12 @@ class SpeedObserver:
         """State and estimate after a sample: the model predicts, then each measurement corrects."""
         before, clean, state = self.sanitize(state, sample)
         prediction = self.predict(state, before, clean)
-        turn = self.correct_turn(state, prediction, clean)
-        prediction = prediction._replace(belief=turn.belief)
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
         evidence = self.weigh_held(state.evidence, wheels.belief, clean)
-        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
+        body = BodyCorrection(wheels.belief, state.body_rejected)
+        body = self.correct_body(state, body, prediction, clean, history)
         body = use_held(body, evidence.held.probability > IS_HELD, clean, self.model)
         judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
         belief = judged.belief._replace(mean=self.model.layout.bounded(judged.belief.mean))
@@ -278,8 +271,6 @@ class SpeedObserver:
         At an encoder's first value, the belief becomes one of a body that moves as the wheels do. While the robot
         stands, the sample has no motion.
         """
-        if not self.uses_currents:
-            sample = sample._replace(current_A=np.zeros(self.model.driven))
         clean = sanitize(sample, self.gap_s)
         gyro = watch_gyro(state.gyro, clean, self.scene.robot)
         clean = without_stuck_gyro(clean, gyro)
@@ -323,16 +314,11 @@ class SpeedObserver:
         lag_rad_s = state.lag_rad_s + self.model.encoder_lag(before.mean, belief.mean, step)
         return Prediction(belief, step, lag_rad_s * clean.lag_share, lag_rad_s)
 
-    def correct_turn(self, state: ObserverState, prediction: Prediction, clean: CleanSample) -> BodyCorrection:
-        """Correct with the gyro before the wheels, if the ground is not estimated."""
-        body = BodyCorrection(prediction.belief, state.body_rejected)
-        return use_gyro(body, clean, self.model, self.sensor_gate) if self.gyro_first else body
-
     def correct_wheels(
         self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSample
     ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
-        jumps_informative = self.method == "ukf" and not self.gyro_first
+        jumps_informative = self.method == "ukf" and self.states.friction
         gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_informative)
         belief, step, lag_rad_s, _ = prediction
         return correct_wheels(free, belief, lag_rad_s, step, clean, state.rejected, self.model, gate)
@@ -348,10 +334,8 @@ class SpeedObserver:
         """Correct with every other sensor of the body, and with a standstill."""
         model, gate = self.model, self.sensor_gate
         body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
-        if not self.gyro_first:
-            body = use_gyro(body, clean, model, gate)
+        body = use_gyro(body, clean, model, gate)
         body = use_pitch(body, clean, model, gate)
-        body = use_accelerometer(body, clean, model, gate)
         body = use_speed(body, clean, history, fastest_m_s(state.evidence), model, gate)
         return use_standstill(body, clean.resting, model)
 

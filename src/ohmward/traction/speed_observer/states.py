@@ -6,7 +6,6 @@
     grade_rad                                       of the ground, with every other disturbance that acts like a slope
     rolling_excess                                  rolling resistance over the terrain's, less one
     radius_ratio                                    effective radius of the wheels over the robot's
-    accelerometer_offset_m_s2
 
 Ratios of the ground are logarithms: they stay positive, and their sigma is relative.
 """
@@ -33,7 +32,6 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "grade_rad": (-0.5, 0.5),
     "rolling_excess": (-1.0, 100.0),
     "radius_ratio": (0.5, 2.0),
-    "accelerometer_offset_m_s2": (-2.0, 2.0),
 }
 
 
@@ -46,7 +44,6 @@ class States:
     grade: bool = True  #: the slope of the ground is a state; without it, it is the measured pitch, or level
     rolling: bool = True  #: the rolling resistance is a state
     radius: bool = True  #: the effective radius is a state
-    accelerometer_offset: bool = False  #: of the accelerometer along x
 
 
 #: The four states of [T] 4.5 on a robot with two driven wheels: the ground is known.
@@ -63,9 +60,7 @@ class Parts(NamedTuple):
     stiffness: Any
     grade_rad: Any  #: > 0 uphill; None where it is not a state
     rolling_ratio: Any  #: rolling resistance over the terrain's
-    #: as their states
-    radius_ratio: Any
-    accelerometer_offset: Any
+    radius_ratio: Any  #: as its state
 
 
 @dataclass(frozen=True)
@@ -84,7 +79,6 @@ class StateLayout:
             "grade_rad": self.states.grade,
             "rolling_excess": self.states.rolling,
             "radius_ratio": self.states.radius,
-            "accelerometer_offset_m_s2": self.states.accelerometer_offset,
         }
         return (*self.robot.state_names, *(name for name, there in optional.items() if there))
 
@@ -110,7 +104,6 @@ class StateLayout:
     def split(self, x: np.ndarray) -> Parts:
         """Parts of a state vector (n,)."""
         free, n = self.robot.freedoms, self.robot.driven
-        offset = x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0
         friction = np.exp(x[self.index("log_friction")]) if self.states.friction else 1.0
         return Parts(
             motion=x[:free],
@@ -120,5 +113,4 @@ class StateLayout:
             grade_rad=x[self.index("grade_rad")] if self.states.grade else None,
             rolling_ratio=1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
             radius_ratio=x[self.index("radius_ratio")] if self.states.radius else 1.0,
-            accelerometer_offset=offset,
         )
