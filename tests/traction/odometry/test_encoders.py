@@ -109,14 +109,3 @@ def test_without_a_gyro_nothing_gives_the_speed_of_a_wheel():
     given = given._replace(robot=given.robot._replace(yaw_rate_rad_s=np.full(TIME_S.size, math.nan)))
     _, e = scan(SETTINGS, given)
     assert ((e.flags.astype(int) & OdometryFlag.NO_WHEELS) > 0)[TIME_S > 10.5].all()
-
-
-def test_the_turn_is_open_where_gyro_and_wheels_turn_against_each_other():
-    """Either the gyro is mirrored, as here, or the wheels' sides are exchanged; the speed does not depend on it."""
-    given, pose = winding(lambda speed: speed, fails=TIME_S < 0.0)
-    mirrored = given._replace(robot=given.robot._replace(yaw_rate_rad_s=-given.robot.yaw_rate_rad_s))
-    _, e = scan(SETTINGS, mirrored)
-    found = TIME_S > 12.0
-    assert (np.hypot(e.x_m - pose[:, 0], e.y_m - pose[:, 1]) < 2.0 * e.position_std_m)[found].all()
-    assert (np.abs(e.yaw_rad - pose[:, 2]) < 2.0 * np.sqrt(e.pose_cov[:, 2, 2]))[found].all()
-    assert np.abs(e.speed_m_s - 0.5)[TIME_S > 20.0].max() < 0.05

@@ -1,15 +1,9 @@
-"""Gyro that cannot be that of this robot: one that is stuck, and one that turns against the wheels.
-
-A gyro is stuck that repeats a number to the last bit while the wheels change the turn of the robot.
+"""Gyro that is stuck: one that repeats a number to the last bit while the wheels change the turn of the robot.
 
 A working gyro repeats no number for long unless the robot turns evenly. One that does while the yaw rate of the wheels,
 averaged so that quantisation does not count, differs from that at the start for `REPEATS_S` is stuck, and missing until
 it changes. Repeating 0 may also be that of a gyro without noise on a robot whose wheels slip: that takes
 `REPEATS_AT_ZERO_S`. Encoders that repeat themselves too are no evidence.
-
-A gyro is mirrored, or the wheels' sides are exchanged, where both turn the robot about as fast in opposite directions
-for `MIRRORED_S` longer than in the same one. Which of them is wrong cannot be known: the gyro is missing then, and the
-turn is as uncertain as what lies between them.
 """
 
 from __future__ import annotations
@@ -18,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import between, every
+from ohmward.filters.sanitize import every
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel, clip, exp, isfinite, logical_not, maximum, where
+from ohmward.trace import Kernel, exp, isfinite, logical_not, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import (
     LONGEST_STEP_S,
@@ -43,11 +37,6 @@ AVERAGED_S, SETTLED_S, TURNS_RAD_S = 0.5, 2.5, 0.05
 #: Time [s] and number of values from which wheels that change their turn are not compared with a gyro that does not.
 COMPARABLE_S, COMPARABLE = 0.25, 3
 
-#: Time [s] after which a gyro that turns against the wheels is mirrored, and longest time that is counted for it and
-#: against it: one that has turned with the wheels stays as it is mounted. Least yaw rate [rad/s] of both that counts,
-#: and the gyro's over the wheels'.
-MIRRORED_S, MOST_MIRRORED_S, MIRRORED_RAD_S, MIRRORED_SHARE = 2.0, 10.0, 0.1, (0.3, 1.5)
-
 #: Yaw rate [rad/s] that no sensor shows, before its first value.
 NO_RATE = 1e9
 
@@ -67,10 +56,6 @@ class GyroWatch(NamedTuple):
     time_s: Any = 0.0
     wheels_rad: Any = 0.0  #: turn by the wheels
     rims_m: Any = 0.0  #: distance covered by their rims
-    mirrored_s: Any = 0.0  #: time for which gyro and wheels have turned in opposite directions, less that in the same
-    mirrored_rad: Any = 0.0  #: turn by the wheels less that by the gyro since that was above 0
-    most_rad: Any = 0.0  #: the largest size of that turn since then
-    mirrored_m: Any = 0.0  #: distance covered by the rims since then
 
     @property
     def comparable(self) -> Scalar:
@@ -86,11 +71,6 @@ class GyroWatch(NamedTuple):
     def stuck(self) -> Scalar:
         """The condition that the gyro is stuck."""
         return self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > REPEATS_AT_ZERO_S))
-
-    @property
-    def mirrored(self) -> Scalar:
-        """The condition that the gyro is mirrored, or the wheels' sides are exchanged."""
-        return self.mirrored_s > MIRRORED_S
 
 
 def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch:
@@ -108,14 +88,6 @@ def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch
     apart = settled & (abs(average - where(before.last_rad_s == 0.0, 0.0, then)) > TURNS_RAD_S)
     varies = rolled & (turn_rad_s != before.turn_rad_s)
     rolled_s = where(rolled, since_s, 0.0)
-    rims_m = sum(abs(v) for v in along_m_s) * rolled_s
-    size, of_wheels = abs(clean.yaw_rate_rad_s), abs(turn_rad_s)
-    alike = between(size, MIRRORED_SHARE[0] * of_wheels, MIRRORED_SHARE[1] * of_wheels)
-    compared = rolled & measured & alike & (size > MIRRORED_RAD_S) & (of_wheels > MIRRORED_RAD_S)
-    opposed_s = where(compared, where(clean.yaw_rate_rad_s * turn_rad_s < 0.0, since_s, -since_s), 0.0)
-    mirrored_s = clip(before.mirrored_s + opposed_s, -MOST_MIRRORED_S, MOST_MIRRORED_S)
-    opposed, apart_rad_s = mirrored_s > 0.0, where(measured, turn_rad_s - clean.yaw_rate_rad_s, 0.0)
-    mirrored_rad = where(opposed, before.mirrored_rad + apart_rad_s * rolled_s, 0.0)
     return GyroWatch(
         last_rad_s=where(measured, clean.yaw_rate_rad_s, before.last_rad_s),
         repeated=where(same, before.repeated + where(measured, 1.0, 0.0), 0.0),
@@ -127,22 +99,13 @@ def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch
         wheel_age_s=where(rolled, 0.0, since_s),
         time_s=where(same, before.time_s + clean.dt_s, 0.0),
         wheels_rad=where(same, before.wheels_rad + turn_rad_s * rolled_s, 0.0),
-        rims_m=where(same, before.rims_m + rims_m, 0.0),
-        mirrored_s=mirrored_s,
-        mirrored_rad=mirrored_rad,
-        most_rad=where(opposed, maximum(before.most_rad, abs(mirrored_rad)), 0.0),
-        mirrored_m=where(opposed, before.mirrored_m + rims_m, 0.0),
+        rims_m=where(same, before.rims_m + sum(abs(v) for v in along_m_s) * rolled_s, 0.0),
     )
 
 
 def without_stuck_gyro(clean: CleanSample, watch: GyroWatch) -> CleanSample:
     """The sample without the yaw rate of a stuck gyro; watch: after it."""
     return clean._replace(yaw_rate_rad_s=where(watch.stuck, np.nan, clean.yaw_rate_rad_s))
-
-
-def without_mirrored_gyro(clean: CleanSample, watch: GyroWatch) -> CleanSample:
-    """The sample without the yaw rate of a mirrored gyro; watch: after it, of encoders that have not stopped."""
-    return clean._replace(yaw_rate_rad_s=where(watch.mirrored, np.nan, clean.yaw_rate_rad_s))
 
 
 def watch_log(robot: Robot, log: DriveLog) -> np.ndarray:

@@ -35,12 +35,7 @@ from ohmward.traction.motion.sample import (
     watch_encoders,
     without_stopped,
 )
-from ohmward.traction.motion.stuck_gyro import (
-    GyroWatch,
-    watch_gyro,
-    without_mirrored_gyro,
-    without_stuck_gyro,
-)
+from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
@@ -104,10 +99,19 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
 
 #: Times [s] before the wheels' last value over which their acceleration is found, of those at 5 Hz and faster.
 CHANGES_S = (0.2, 0.5)
+
+
+class Agreed(NamedTuple):
+    """Part of the belief when wheels and gyro last agreed on the turn."""
+
+    yaw_rad: Any = 0.0
+    turn_scale: Any = 0.0
+    turn_scale_variance: Any = 0.0
 
 
 class PoseState(NamedTuple):
@@ -128,6 +132,8 @@ class PoseState(NamedTuple):
     distance_m: Any = 0.0  #: length of the path
     #: (2,) standard deviation [m] of x and y by the squared yaw error, fully correlated
     second_order_m: np.ndarray = np.zeros(2)
+    turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
+    agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
 
 
 class PoseStep(NamedTuple):
@@ -186,6 +192,8 @@ class PoseFilter:
         return PoseState(
             pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), watch_encoders(self.robot), TurnSums(),
             empty_trail(steps), HeadingTimes(), Overrun(),
+            turn=watch_of_turn(self.robot),
+            agreed=Agreed(turn_scale_variance=belief.cov[TURN_SCALE, TURN_SCALE]),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -197,12 +205,17 @@ class PoseFilter:
         """Outcome of a step: dead reckoning, then each measurement corrects."""
         clean, encoders = without_stopped(sanitize(sample.robot, self.gap_s), state.encoders, self.robot)
         watch = watch_gyro(state.watch, clean, self.robot)
-        clean = without_mirrored_gyro(without_stuck_gyro(clean, watch), watch)
+        clean = without_stuck_gyro(clean, watch)
+        turn = watch_turn(state.turn, clean, state.watch.wheel_age_s + clean.dt_s, self.robot)
+        clean = without_wrong(clean, turn, self.robot)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
-        mirrored = watch.mirrored & logical_not(state.watch.mirrored)
-        before = choose(mirrored, with_turn_of_wheels(before, watch.mirrored_rad, self.noise), before)
+        agreed = when_agreed(state.agreed, before, state.turn)
+        wrong = turn.wrong & logical_not(state.turn.wrong)
+        before = choose(wrong, with_turn_of_wheels(before, turn, agreed, self.noise), before)
+        reverses = turn.some_reversed & logical_not(state.turn.some_reversed)
+        before = choose(reverses, with_lost_way(before, turn, agreed), before)
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         sensors, jump = sense(state.motion, clean, silent, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
@@ -236,15 +249,16 @@ class PoseFilter:
         suspected = watch.suspected & logical_not(watch.stuck)
         missed_rad = where(suspected, missed_turn(body.belief.mean, watch, state.changed_yaw_rad), 0.0)
         missed = missed_variance(missed_rad, watch.rims_m)
-        missed = missed + where(watch.mirrored, missed_variance(watch.most_rad, watch.mirrored_m), 0.0)
+        open_rad = where(turn.spins, abs(turn.turned_rad), turn.most_rad)
+        missed = missed + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
-        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, distance_m, second_order_m)
-        no_encoder = some_silent(encoders, sensors, self.robot)
+        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, second_order_m)
+        no_encoder = some([some_silent(encoders, sensors, self.robot), turn.some_reversed])
         incidents = self.incidents(before, clean, no_encoder, motion, body)
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
-            motion.input.motion_std[0], distance_m, second_order_m,
+            motion.input.motion_std[0], distance_m, second_order_m, turn, agreed,
         )  # fmt: skip
         return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
@@ -291,10 +305,11 @@ class PoseFilter:
         overrun: Overrun,
         unconfirmed: Unconfirmed,
         missed: np.ndarray,
+        turn: TurnWatch,
         distance_m: Scalar,
         second_order_m: np.ndarray,
     ) -> OdometryEstimate:
-        """The estimate still without flags; missed: `missed_variance` of a gyro that may be stuck or is mirrored."""
+        """The estimate still without flags; missed: `missed_variance` of a turn that is not known."""
         x, P = belief
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
@@ -309,7 +324,7 @@ class PoseFilter:
         pose_cov = pose_cov + np.diag(missed) + alone * unconfirmed.way_variance * np.outer(way, way)
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         by_slide = np.array([alone * unconfirmed.speed_variance, 0.0, 0.0])
-        changed = motion_changed(motion.input) ** 2
+        changed = motion_changed(motion.input) ** 2 + open_motion(motion, turn) ** 2
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide + changed))
         changed_m_s = changed_since_value(motion)
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
@@ -372,11 +387,33 @@ def with_first_scale(belief: Belief, noise: OdometryNoise) -> Belief:
     return forget(belief, TURN_SCALE, noise.turn_scale_std**2 + noise.gyro_scale_std**2)
 
 
-def with_turn_of_wheels(belief: Belief, apart_rad: Scalar, noise: OdometryNoise) -> Belief:
-    """The belief with the turn of the wheels where the gyro is found to be mirrored: it turned by `apart_rad` less."""
-    turned = np.array([apart_rad if i == YAW else 0.0 for i in range(len(NAMES))])
-    first = with_first_scale(belief, noise)
-    return Belief(first.mean + turned, first.cov)
+def when_agreed(before: Agreed, belief: Belief, watch: TurnWatch) -> Agreed:
+    """Yaw and scale when wheels and gyro last agreed; watch: of the sample of this belief."""
+    x, P = belief
+    return choose(watch.agrees > 0.5, Agreed(x[YAW], x[TURN_SCALE], P[TURN_SCALE, TURN_SCALE]), before)
+
+
+def with_turn_of_wheels(belief: Belief, watch: TurnWatch, agreed: Agreed, noise: OdometryNoise) -> Belief:
+    """The belief with the turn of the wheels since they last agreed with a gyro that is found to be wrong.
+
+    The way since then is lost, unless it is open anyway.
+    """
+    first = forget(belief, TURN_SCALE, agreed.turn_scale_variance)
+    yaw_rad = agreed.yaw_rad + watch.turned_rad * (1.0 + agreed.turn_scale)
+    mean = {YAW: yaw_rad - belief.mean[YAW], TURN_SCALE: agreed.turn_scale}
+    across = missed_variance(where(watch.scaled, watch.most_rad, 0.0), watch.way_m)
+    by_scale = agreed.turn_scale_variance + noise.turn_share**2
+    variance = {X: across[0], Y: across[1], YAW: watch.turned_rad**2 * by_scale}
+    added = [np.array([of.get(i, 0.0) for i in range(len(NAMES))]) for of in (mean, variance)]
+    return Belief(first.mean + added[0], first.cov + np.diag(added[1]))
+
+
+def with_lost_way(belief: Belief, watch: TurnWatch, agreed: Agreed) -> Belief:
+    """The belief without the way and the scale that encoders have shown since they began to count the other way."""
+    first = forget(forget(belief, TURN_SCALE, agreed.turn_scale_variance), SLIP, 1.0)
+    scale = np.array([agreed.turn_scale if i == TURN_SCALE else 0.0 for i in range(len(NAMES))])
+    lost = np.array([watch.way_m if i in (X, Y) else 0.0 for i in range(len(NAMES))])
+    return Belief(first.mean + scale, first.cov + np.diag(lost * lost))
 
 
 def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:
@@ -463,6 +500,12 @@ def motion_changed(u: MotionInput) -> np.ndarray:
     """Standard deviations (3,) [m/s, m/s, rad/s] by which the motion may have changed since it was last observed."""
     unobserved_s = np.array([*u.unobserved_s[:YAW], where(u.by_gyro, 0.0, u.unobserved_s[YAW])])
     return minimum(UNOBSERVED * unobserved_s, np.array([FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S]))
+
+
+def open_motion(motion: MeasuredMotion, turn: TurnWatch) -> np.ndarray:
+    """Standard deviations (3,) of a motion that wheels may not show: their speed and, while they spin, their turn."""
+    rim_m_s = where(turn.way_open, sum(abs(motion.rims_m_s)) / len(motion.rims_m_s), 0.0)
+    return np.array([rim_m_s, 0.0, where(turn.spins, abs(motion.input.motion[YAW]), 0.0)])
 
 
 def changed_since_value(motion: MeasuredMotion) -> Scalar:

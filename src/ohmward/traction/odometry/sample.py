@@ -82,7 +82,7 @@ class OdometryFlag(SampleFlag):
     BAD_TIME = 1  #: dt_s is negative, too long or not a number; taken as 0
     GAP = 2  #: a long step; the motion at its end is used for all of it
     NO_WHEELS = 4  #: no speed measurement any more: the last one is held, and the band grows
-    NO_GYRO = 8  #: the gyro has stopped: the wheels give the turn
+    NO_GYRO = 8  #: the gyro has stopped, is mirrored or in another unit: the wheels give the turn
     WHEEL_JUMP = 16  #: a wheel changed its speed faster than any robot can; not used
     TURN_REJECTED = 32  #: gyro and wheels disagree beyond their sigmas: a wheel that slips, or a gyro that failed
     SPEED_REJECTED = 64  #: an external speed outside its gate; not used, the band was widened
@@ -93,5 +93,6 @@ class OdometryFlag(SampleFlag):
     HEADING_REJECTED = 2048  #: a heading outside its gate, as near iron; not used
     WHEEL_SLIPS = 4096  #: a wheel, or one side's wheels, probably slip: the others give the speed
     STUCK = 8192  #: the wheels turn but the robot stands, by an outside speed
-    #: a driven wheel is not measured, or its encoder has stopped: with a gyro the others give its speed
+    #: a driven wheel is not measured, or its encoder has stopped or counts the other way: with a gyro the others give
+    #: its speed
     NO_ENCODER = 16384

@@ -1,0 +1,168 @@
+"""Gyro against wheels: a wrong gyro, and an encoder that counts the other way.
+
+The gyro's yaw rate over that of the wheels is 1, less where wheels scrub or slip.
+
+A gyro is wrong if it is about -1, or beyond what any slip explains, for `WRONG_S` longer than it is right. Beyond, its
+unit is wrong, and the wheels have turned the robot since both agreed. About -1, it is mirrored, or the wheels' sides
+are exchanged: which of them cannot be known, and the turn since then is as uncertain as what lies between them.
+
+An encoder, or those of a side, count the other way if the gyro contradicts the wheels for `REVERSED_S` longer than it
+agrees, and agrees with them once those count the other way. Straight on, such a robot may as well spin on the spot
+without turning, and without a gyro it may always do so: its way and speed are then open, from `SUSPECTED_S` or
+`MOST_SPINS_RAD` on.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.filters.sanitize import between, every, some
+from ohmward.trace import clip, isfinite, logical_not, maximum, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.odometry.modes import lever_m, slip_modes
+from ohmward.traction.robot.robot import Robot
+
+#: Times [s] after which a sensor may be wrong, a gyro is wrong and an encoder counts the other way, and longest time
+#: that is counted for it and against it: a gyro that has turned with the wheels stays as it is mounted.
+SUSPECTED_S, WRONG_S, REVERSED_S, MOST_WRONG_S = 0.5, 2.0, 3.0, 10.0
+
+#: Least yaw rate [rad/s] that counts; the gyro's over the wheels' that is right, and that of wheels that do not scrub
+#: if one counts the other way.
+TURNING_RAD_S, RIGHT_SHARE, ROLLING_SHARE = 0.1, (0.3, 1.5), (0.7, 1.3)
+
+#: Least ratio of gyro and wheels that is another unit; a second of that counts for several, as no slip explains it.
+LEAST_SCALE, SCALED_COUNTS = 3.0, 4.0
+
+#: Turn [rad] on the spot, beyond that on the way, from which a robot without a gyro may drive straight on.
+MOST_SPINS_RAD = 6.0 * np.pi
+
+
+class TurnWatch(NamedTuple):
+    """State from sample to sample."""
+
+    reversed_s: np.ndarray  #: (modes,) time for which the wheels of a mode count the other way, less that of the rest
+    wrong_s: Any = 0.0  #: time for which the gyro was wrong, less that for which it was right
+    scaled_s: Any = 0.0  #: time for which it was too large, less that for which it was mirrored
+    against_s: Any = 0.0  #: time since wheels and gyro last agreed for which they have contradicted each other
+    encoder_s: Any = 0.0  #: the same, where an encoder that counts the other way explains it
+    spins_rad: Any = 0.0  #: turn on the spot, less that of as much way, without a gyro
+    #: since wheels and gyro last agreed
+    apart_rad: Any = 0.0  #: turn by the wheels less that by the gyro
+    most_rad: Any = 0.0  #: the largest size of that turn
+    turned_rad: Any = 0.0  #: turn by the wheels
+    way_m: Any = 0.0  #: distance covered by their rims, the mean
+    agrees: Any = 0.0  #: 1 where they agreed in the last sample
+
+    @property
+    def wrong(self) -> Scalar:
+        """The condition that the gyro is mirrored, or the wheels' sides are exchanged, or its unit is wrong."""
+        return self.wrong_s > WRONG_S
+
+    @property
+    def scaled(self) -> Scalar:
+        """The condition that, if the gyro is wrong, its unit is."""
+        return self.scaled_s > 0.0
+
+    @property
+    def reversed(self) -> list[Scalar]:
+        """Conditions (modes,) that the encoders of the wheels of a mode count the other way."""
+        return [time_s > REVERSED_S for time_s in self.reversed_s]
+
+    @property
+    def some_reversed(self) -> Scalar:
+        """The condition that one of these holds."""
+        return some([False, *self.reversed])
+
+    @property
+    def spins(self) -> Scalar:
+        """The condition that the robot may drive straight on although its wheels turn it on the spot."""
+        return self.spins_rad > MOST_SPINS_RAD
+
+    @property
+    def way_open(self) -> Scalar:
+        """The condition that the wheels may not show the way, as an encoder may count the other way."""
+        return some([(self.encoder_s > SUSPECTED_S) & logical_not(self.some_reversed), self.spins])
+
+    @property
+    def turn_open(self) -> Scalar:
+        """The condition that the turn is open, as the gyro may be wrong or is mirrored."""
+        known = some([self.wrong & self.scaled, self.some_reversed])
+        return some([(self.against_s > SUSPECTED_S) & logical_not(known), self.spins])
+
+
+def watch_of_turn(robot: Robot) -> TurnWatch:
+    """The watch before the first sample."""
+    return TurnWatch(np.zeros(len(slip_modes(robot))))
+
+
+def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Robot) -> TurnWatch:
+    """The watch after a sample, which comes so long after the last speeds of all wheels."""
+    n, by_rims, modes = robot.driven, robot.motion_by_rims, slip_modes(robot)
+    rolled, gyro_rad_s = every(clean.wheel_measured[:n]), clean.yaw_rate_rad_s
+    measured = isfinite(gyro_rad_s)
+    rims_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]
+    encoder_rad_s = by_rims[-1] @ rims_m_s
+    turned = [encoder_rad_s - 2.0 * sum(by_rims[-1, i] * rims_m_s[i] for i in mode) for mode in modes]
+    wheels_rad_s = encoder_rad_s
+    for known, rate in zip(before.reversed, turned, strict=True):
+        wheels_rad_s = where(known, rate, wheels_rad_s)
+    compared = rolled & measured
+    turning = compared & (abs(gyro_rad_s) > TURNING_RAD_S)
+    share = RIGHT_SHARE if robot.chassis.scrubs else ROLLING_SHARE
+    alike = [turning & is_share(gyro_rad_s, rate, share) for rate in turned]
+    unlike = logical_not(is_share(abs(gyro_rad_s), abs(encoder_rad_s), RIGHT_SHARE))
+    explains = [unlike & condition for condition in alike]
+    straight = compared & logical_not(turning) & (abs(wheels_rad_s) > LEAST_SCALE * TURNING_RAD_S)
+    may_count_back = some([False, *alike, *(straight & (abs(rate) < TURNING_RAD_S) for rate in turned)])
+    right = turning & is_share(gyro_rad_s, wheels_rad_s, RIGHT_SHARE)
+    encoder = may_count_back & logical_not(right)
+    mirrored = turning & is_share(-gyro_rad_s, wheels_rad_s, RIGHT_SHARE) & logical_not(encoder)
+    is_faster = (abs(wheels_rad_s) > TURNING_RAD_S) & (abs(gyro_rad_s) > LEAST_SCALE * abs(wheels_rad_s))
+    scaled = turning & is_faster & logical_not(encoder)
+
+    scaled_s = where(scaled, SCALED_COUNTS * since_s, where(mirrored, -since_s, 0.0))
+    wrong_s = where(right, -since_s, abs(scaled_s))
+    encoder_s = where(right, -since_s, where(encoder, since_s, 0.0))
+    against_s = clip(before.against_s + where(encoder, since_s, wrong_s), 0.0, MOST_WRONG_S)
+    agrees = right & (against_s <= 0.0)
+    rolled_s = where(rolled, since_s, 0.0)
+    apart_rad = before.apart_rad + where(measured, wheels_rad_s - gyro_rad_s, 0.0) * rolled_s
+    along_rad_s, of_turn_rad_s = abs(by_rims[0] @ rims_m_s) / lever_m(robot), abs(wheels_rad_s)
+    spins_rad_s = where(of_turn_rad_s > along_rad_s, of_turn_rad_s, -along_rad_s) if modes else 0.0
+    spins_rad = clip(before.spins_rad + spins_rad_s * rolled_s, 0.0, 2.0 * MOST_SPINS_RAD)
+    counted = zip(before.reversed_s, explains, strict=True)
+    return TurnWatch(
+        reversed_s=np.array([
+            clip(time_s + where(explained, since_s, where(turning, -since_s, 0.0)), -REVERSED_S, 2.0 * REVERSED_S)
+            for time_s, explained in counted
+        ]),
+        wrong_s=clip(before.wrong_s + wrong_s, -MOST_WRONG_S, MOST_WRONG_S),
+        scaled_s=where(agrees, 0.0, clip(before.scaled_s + scaled_s, -MOST_WRONG_S, MOST_WRONG_S)),
+        against_s=against_s,
+        encoder_s=clip(before.encoder_s + encoder_s, 0.0, MOST_WRONG_S),
+        spins_rad=where(measured, 0.0, spins_rad),
+        apart_rad=where(agrees, 0.0, apart_rad),
+        most_rad=where(agrees, 0.0, maximum(before.most_rad, abs(apart_rad))),
+        turned_rad=where(agrees, 0.0, before.turned_rad + wheels_rad_s * rolled_s),
+        way_m=where(agrees, 0.0, before.way_m + sum(abs(rims_m_s)) / n * rolled_s),
+        agrees=where(agrees, 1.0, 0.0),
+    )  # fmt: skip
+
+
+def is_share(rate: Scalar, of: Scalar, limits: tuple[float, float]) -> Scalar:
+    """The condition that a yaw rate is that share of one that counts, and has its sign."""
+    same = (rate * of > 0.0) & (abs(of) > TURNING_RAD_S)
+    return same & between(abs(rate), limits[0] * abs(of), limits[1] * abs(of))
+
+
+def without_wrong(clean: CleanSample, watch: TurnWatch, robot: Robot) -> CleanSample:
+    """The sample without the yaw rate of a wrong gyro and encoders that count the other way; watch: after it."""
+    measured = list(clean.wheel_measured)
+    for mode, condition in zip(slip_modes(robot), watch.reversed, strict=True):
+        for i in mode:
+            measured[i] = measured[i] & logical_not(condition)
+    yaw_rate_rad_s = where(watch.wrong, np.nan, clean.yaw_rate_rad_s)
+    return clean._replace(wheel_measured=np.array(measured), yaw_rate_rad_s=yaw_rate_rad_s)
