@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import IntFlag
 from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
@@ -141,7 +142,7 @@ class PoseStep(NamedTuple):
 
     state: PoseState  #: after it
     estimate: OdometryEstimate  #: still without flags
-    incidents: dict[OdometryFlag, Scalar]  #: conditions of these
+    incidents: dict[IntFlag, Scalar]  #: conditions of `OdometryFlag`
     unobserved_s: Scalar  #: time since wheels or an observer have shown the speed; 0 while their last value holds
 
 
@@ -357,7 +358,7 @@ class PoseFilter:
 
     def incidents(
         self, before: Belief, clean: CleanSample, no_encoder: Scalar, motion: MeasuredMotion, body: PoseCorrection
-    ) -> dict[OdometryFlag, Scalar]:
+    ) -> dict[IntFlag, Scalar]:
         """Conditions of the flags of a sample."""
         return {
             OdometryFlag.BAD_TIME: logical_not(clean.time_credible),

@@ -89,7 +89,7 @@ class TurnWatch(NamedTuple):
     @property
     def turn_open(self) -> Scalar:
         """The condition that the turn is open, as the gyro may be wrong or is mirrored."""
-        known = some([self.wrong & self.scaled, self.some_reversed])
+        known = some([every([self.wrong, self.scaled]), self.some_reversed])
         return some([(self.against_s > SUSPECTED_S) & logical_not(known), self.spins])
 
 
@@ -152,7 +152,7 @@ def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Ro
     )  # fmt: skip
 
 
-def is_share(rate: Scalar, of: Scalar, limits: tuple[float, float]) -> Scalar:
+def is_share(rate: Any, of: Any, limits: tuple[float, float]) -> Any:
     """The condition that a yaw rate is that share of one that counts, and has its sign."""
     same = (rate * of > 0.0) & (abs(of) > TURNING_RAD_S)
     return same & between(abs(rate), limits[0] * abs(of), limits[1] * abs(of))
