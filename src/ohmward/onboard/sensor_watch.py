@@ -21,7 +21,7 @@ from ohmward.onboard.message import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
 from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
-from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES, REPEATS_S
+from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
@@ -204,7 +204,7 @@ class WatchedSensor:
     @property
     def is_same(self) -> bool:
         """True if the value has been the same for as long as a fault in a log lasts."""
-        return self.same >= FEWEST_VALUES and self.last_s - self.same_s >= REPEATS_S
+        return self.same >= STOPPED.values and self.last_s - self.same_s >= STOPPED.contradicts_s
 
     @property
     def varies(self) -> bool:

@@ -19,9 +19,9 @@ from ohmward.quantities import QUANTITIES, limits_of
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
-from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES, REPEATS_S, watch_log
-from ohmward.traction.motion_check import CURED, LEAST_RAD_S, SCRUBS, check_signs, check_units, motion_of
+from ohmward.traction.motion.sample import STOPPED, require_wheels
+from ohmward.traction.motion.stuck_gyro import watch_log
+from ohmward.traction.motion_check import CURED, FEWEST_VALUES, LEAST_RAD_S, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     WHEEL_TURNS_RAD_S,
@@ -100,7 +100,7 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
         return log
     rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
     repeats = np.append(False, np.diff(log.yaw_rate_rad_s[rows]) == 0.0)
-    repeated = long_runs(repeats, log.time_s[rows], REPEATS_S, FEWEST_VALUES)
+    repeated = long_runs(repeats, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values)
     if not repeated:
         return log
     suspected, is_stuck = (condition[rows] for condition in watch_log(robot, log))
@@ -153,8 +153,8 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
-        turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > WHEEL_TURNS_RAD_S
-        for first, stop in long_runs(same, log.time_s[rows], REPEATS_S, FEWEST_VALUES):
+        turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > STOPPED.moves_rad_s
+        for first, stop in long_runs(same, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
                 what, when = f"the encoder of {name} is ", f" {from_to(log.time_s[rows[first:stop]])}"
@@ -313,7 +313,7 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * WHEEL_TURNS_RAD_S
         works = np.abs(log.motor_current_A[:, k]) > WORKS_A
-        for first, stop in long_runs(stands & works, log.time_s, REPEATS_S, FEWEST_VALUES)[:1]:
+        for first, stop in long_runs(stands & works, log.time_s, STOPPED.contradicts_s, STOPPED.values)[:1]:
             current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
             yield (
                 f"the motor of {name} takes {current_A:.3g} A {from_to(log.time_s[first:stop])} and its wheel does "

@@ -15,12 +15,12 @@ import numpy as np
 
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
-from ohmward.traction.motion.stuck_gyro import FEWEST_VALUES
+from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
-#: Other wheels agree on a motion within this, and the wheel that is stuck differs from it by more.
-DIFFERENCE_RAD_S = 1.0
+#: Fewest values for a check.
+FEWEST_VALUES = 20
 
 #: Signs are wrong, or lost, where others leave less than this share of the contradiction (in squares).
 CURED = 0.1
@@ -180,7 +180,7 @@ class MotionCheck:
             k = self._signals.get(signal)
             if same and k is not None and k != self._gyro and (value != 0.0 or k < self.driven):
                 expected = self._expected(k, rows, values)
-                if expected is not None and abs(expected - self._scaled(k, value)) > DIFFERENCE_RAD_S:
+                if expected is not None and abs(expected - self._scaled(k, value)) > STOPPED.differs_rad_s:
                     yield signal
 
     def _known(self, sensors: Mapping[str, tuple[float, bool]]) -> tuple[list[int], list[float]]:
@@ -204,6 +204,6 @@ class MotionCheck:
         if not len(others) or np.linalg.matrix_rank(np.vstack([G, self.rows[k]])) > np.linalg.matrix_rank(G):
             return None
         motion = np.linalg.lstsq(G, omega, rcond=None)[0]
-        if np.abs(G @ motion - omega).max() > DIFFERENCE_RAD_S:
+        if np.abs(G @ motion - omega).max() > STOPPED.differs_rad_s:
             return None
         return float(self.rows[k] @ motion)

@@ -5,7 +5,8 @@ import pytest
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
-from ohmward.traction.motion.stuck_gyro import REPEATS_AT_ZERO_S, REPEATS_S, SETTLED_S, watch_log
+from ohmward.traction.motion.sample import STOPPED
+from ohmward.traction.motion.stuck_gyro import SETTLED_S, watch_log
 
 DT_S = 0.02
 TIME_S = DT_S * np.arange(2000)
@@ -24,11 +25,11 @@ def winding():
     return np.where(TIME_S > 5.0, 0.5 + 0.1 * np.sin(3.0 * TIME_S), 0.0)
 
 
-@pytest.mark.parametrize(("value", "after_s"), [(0.02, REPEATS_S), (0.0, REPEATS_AT_ZERO_S)])
+@pytest.mark.parametrize(("value", "after_s"), [(0.02, STOPPED.contradicts_s), (0.0, STOPPED.gyro_at_zero_s)])
 def test_a_gyro_that_repeats_a_number_is_stuck_after_its_time_of_turning(value, after_s):
     suspected, stuck = found(winding(), np.full(TIME_S.size, value))
     lag_s = 0.1  # of the average
-    assert TIME_S[np.argmax(suspected)] == pytest.approx(5.0 + REPEATS_S, abs=lag_s)
+    assert TIME_S[np.argmax(suspected)] == pytest.approx(5.0 + STOPPED.contradicts_s, abs=lag_s)
     assert TIME_S[np.argmax(stuck)] == pytest.approx(5.0 + after_s, abs=lag_s)
 
 
@@ -36,8 +37,8 @@ def test_a_gyro_that_freezes_is_stuck_once_the_turn_changes_and_until_it_reports
     turn = np.where(TIME_S < 20.0, 0.5, 0.1) + 0.01 * np.sin(3.0 * TIME_S)
     frozen = (TIME_S > 10.0) & (TIME_S < 30.0)
     stuck = found(turn, np.where(frozen, 0.5, turn))[1]
-    assert not stuck[20.0 + REPEATS_S > TIME_S].any()
-    assert stuck[(20.0 + REPEATS_S + SETTLED_S < TIME_S) & frozen].all()
+    assert not stuck[20.0 + STOPPED.contradicts_s > TIME_S].any()
+    assert stuck[(20.0 + STOPPED.contradicts_s + SETTLED_S < TIME_S) & frozen].all()
     assert not stuck[TIME_S >= 30.0].any()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ohmward.filters.belief import unpack
 from ohmward.traction import RLMA
-from ohmward.traction.motion.sample import CONTRADICTS_S, FIRST_INTERVAL_S, LOST, STOPPED_AFTER_S
+from ohmward.traction.motion.sample import FIRST_INTERVAL_S, LOST, STOPPED
 from ohmward.traction.odometry.model import TURN_SCALE
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
@@ -55,7 +55,7 @@ def test_a_wheel_without_a_value_is_no_evidence_of_the_gyros_offset():
 
 @pytest.mark.parametrize(
     ("change", "after_s"),
-    [(lambda speed: speed[FAILS][0], STOPPED_AFTER_S), (lambda speed: 0.0, CONTRADICTS_S)],
+    [(lambda speed: speed[FAILS][0], STOPPED.repeats_s), (lambda speed: 0.0, STOPPED.contradicts_s)],
     ids=["the last value", "zero"],
 )
 def test_an_encoder_that_repeats_itself_while_the_other_moves_has_stopped(change, after_s):
@@ -84,7 +84,7 @@ def test_an_encoder_that_stopped_at_rest_has_stopped_once_the_gyro_turns_against
     _, e = scan(SETTINGS, given)
     first = TIME_S[np.argmax(flagged(e))]
     right = np.flatnonzero((given.robot.yaw_rate_rad_s < -0.05) & (TIME_S > 5.0))
-    assert TIME_S[right[0]] < first < TIME_S[right[0]] + 1.5 * CONTRADICTS_S + MISSED_S
+    assert TIME_S[right[0]] < first < TIME_S[right[0]] + 1.5 * STOPPED.contradicts_s + MISSED_S
 
 
 def test_a_robot_that_turns_about_a_wheel_that_stands_has_all_encoders():

@@ -233,12 +233,23 @@ SPEED_STD_M_S = (1e-4, 10.0)
 #: Time constant with which a motor current that is not measured fades.
 CURRENT_FADES_S = 0.5
 
-#: Time [s] of repeating itself, while another encoder moves, after which an encoder has stopped.
-STOPPED_AFTER_S = 2.0
 
-#: Time [s] for which one that repeats zero must contradict the others before it has stopped; least yaw rate [rad/s] of
-#: a gyro and of the wheels that turn the robot against each other.
-CONTRADICTS_S, AGAINST_RAD_S = 1.0, 0.05
+class StoppedLimits(NamedTuple):
+    """Limits from which an encoder or gyro that repeats a number has stopped: live, in logs and on board."""
+
+    contradicts_s: float = 1.0  #: time [s] for which others must contradict it
+    values: int = 20  #: fewest values, of a gyro, in a log and on board
+    repeats_s: float = 2.0  #: time [s] for which another encoder must move, live: a coarse one repeats numbers too
+    gyro_at_zero_s: float = 10.0  #: time [s] of contradiction of a gyro at 0, which may have no noise where wheels slip
+    #: least yaw rate [rad/s] by which wheels turn the robot otherwise than a gyro that has stopped, and of a gyro and
+    #: of wheels that turn it against each other
+    turns_rad_s: float = 0.05
+    moves_rad_s: float = 0.2  #: speed [rad/s] from which another wheel moves, in a log
+    #: speed [rad/s] by which an encoder must differ from what all others give, which agree within that, on board
+    differs_rad_s: float = 1.0
+
+
+STOPPED = StoppedLimits()
 
 #: Largest fall of the speed of a rim that grips, at once [m/s] and by braking [m/s2].
 FALLS_M_S, BRAKES_M_S2 = 0.05, 5.0
@@ -292,7 +303,7 @@ class EncoderWatch(NamedTuple):
     def stopped(self) -> np.ndarray:
         """Conditions (wheels,) that an encoder has stopped."""
         times = zip(self.repeated_s, self.contradicts_s, strict=True)
-        return np.array([(again_s > STOPPED_AFTER_S) | (zero_s > CONTRADICTS_S) for again_s, zero_s in times])
+        return np.array([(again_s > STOPPED.repeats_s) | (zero_s > STOPPED.contradicts_s) for again_s, zero_s in times])
 
 
 def watch_encoders(robot: Robot) -> EncoderWatch:
@@ -389,5 +400,5 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
 def turns_against(clean: CleanSample, robot: Robot) -> Scalar:
     """The condition that the gyro turns the robot the other way than the wheels."""
     by_wheels = robot.motion_by_rims[-1] @ (robot.wheel.radius_m * clean.wheel_speed_rad_s[: robot.driven])
-    both = minimum(abs(by_wheels), abs(clean.yaw_rate_rad_s)) > AGAINST_RAD_S
+    both = minimum(abs(by_wheels), abs(clean.yaw_rate_rad_s)) > STOPPED.turns_rad_s
     return isfinite(clean.yaw_rate_rad_s) & both & (by_wheels * clean.yaw_rate_rad_s < 0.0)

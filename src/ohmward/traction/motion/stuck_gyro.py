@@ -1,9 +1,9 @@
 """Gyro that is stuck: one that repeats a number to the last bit while the wheels change the turn of the robot.
 
 A working gyro repeats no number for long unless the robot turns evenly. One that does while the yaw rate of the wheels,
-averaged so that quantisation does not count, differs from that at the start for `REPEATS_S` is stuck, and missing until
-it changes. Repeating 0 may also be that of a gyro without noise on a robot whose wheels slip: that takes
-`REPEATS_AT_ZERO_S`. Encoders that repeat themselves too are no evidence.
+averaged so that quantisation does not count, differs from that at the start for `STOPPED.contradicts_s` is stuck, and
+missing until it changes. Repeating 0 may also be that of a gyro without noise on a robot whose wheels slip: that takes
+`STOPPED.gyro_at_zero_s`. Encoders that repeat themselves too are no evidence.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ohmward.trace import Kernel, exp, isfinite, logical_not, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import (
     LONGEST_STEP_S,
+    STOPPED,
     CleanSample,
     RobotSample,
     no_sample,
@@ -26,13 +27,8 @@ from ohmward.traction.motion.sample import (
 )
 from ohmward.traction.robot.robot import Robot
 
-#: Time [s] for which the wheels must turn the robot by another rate than at the start before a gyro that repeats a
-#: number, or 0, is stuck; and fewest values that repeat it.
-REPEATS_S, REPEATS_AT_ZERO_S, FEWEST_VALUES = 1.0, 10.0, 20
-
-#: Time constant [s] of the wheels' average yaw rate, time [s] in which it settles, and its smallest change [rad/s] that
-#: a gyro must show.
-AVERAGED_S, SETTLED_S, TURNS_RAD_S = 0.5, 2.5, 0.05
+#: Time constant [s] of the wheels' average yaw rate, and time [s] in which it settles.
+AVERAGED_S, SETTLED_S = 0.5, 2.5
 
 #: Time [s] and number of values from which wheels that change their turn are not compared with a gyro that does not.
 COMPARABLE_S, COMPARABLE = 0.25, 3
@@ -65,12 +61,12 @@ class GyroWatch(NamedTuple):
     @property
     def suspected(self) -> Scalar:
         """The condition that the gyro may be stuck."""
-        return (self.repeated >= FEWEST_VALUES) & (self.apart_s > REPEATS_S)
+        return (self.repeated >= STOPPED.values) & (self.apart_s > STOPPED.contradicts_s)
 
     @property
     def stuck(self) -> Scalar:
         """The condition that the gyro is stuck."""
-        return self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > REPEATS_AT_ZERO_S))
+        return self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > STOPPED.gyro_at_zero_s))
 
 
 def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch:
@@ -85,7 +81,7 @@ def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch
     same = logical_not(measured & (clean.yaw_rate_rad_s != before.last_rad_s))
     settled = same & (before.time_s > SETTLED_S)
     then = where(settled, before.then_rad_s, average)
-    apart = settled & (abs(average - where(before.last_rad_s == 0.0, 0.0, then)) > TURNS_RAD_S)
+    apart = settled & (abs(average - where(before.last_rad_s == 0.0, 0.0, then)) > STOPPED.turns_rad_s)
     varies = rolled & (turn_rad_s != before.turn_rad_s)
     rolled_s = where(rolled, since_s, 0.0)
     return GyroWatch(
