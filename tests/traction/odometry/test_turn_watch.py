@@ -1,6 +1,7 @@
 """A gyro and encoders that contradict each other: mirrored, in another unit, or counting the other way."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -123,7 +124,7 @@ def driven(share=1.0, signs=(1.0, 1.0), from_s=0.0):
     return scan(settings, given)[1], integrate(v, 0.0 * v, w), v
 
 
-FAULTS = {
+FAULTS: dict[str, dict[str, Any]] = {
     "mirrored": {"share": -1.0},
     "in degrees": {"share": 180.0 / math.pi},
     "counts back": {"signs": (-1.0, 1.0)},

@@ -7,6 +7,8 @@ some wheel rolls, which shows the speed. Forces and friction stay unknown.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntFlag
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +67,9 @@ class SlipByOdometry:
         travel_m_s = self.odometry.rolling @ motion
         rim_m_s = travel_m_s + pose.slip_speed_m_s
         rims = zip(rim_m_s, travel_m_s, strict=True)
-        conditions = {flag: some(found.incidents[of] for of in causes) for flag, causes in INCIDENTS.items()}
+        conditions: dict[IntFlag, Any] = {
+            flag: some(found.incidents[of] for of in causes) for flag, causes in INCIDENTS.items()
+        }
         conditions |= {SlipFlag.NO_CURRENT: True, SlipFlag.SPEED_UNOBSERVED: found.unobserved_s > SEEN_S}
         return SlipEstimate(
             speed_m_s=pose.speed_m_s,

@@ -24,7 +24,7 @@ from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, default_observer
-from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 
 class SlipRun(Run[SlipEstimate]):
@@ -177,9 +177,9 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
 
     def compiled(self) -> Kernel:
         """The step, compiled."""
-        nothing, observer = self.no_sample(), self.observer
-        step = partial(considered_step, observer) if isinstance(observer, SpeedObserver) else observer.step
-        return Kernel(step, observer.init(nothing), nothing, lowering=self.lowering)
+        nothing = self.no_sample()
+        step = partial(considered_step, self.observer)
+        return Kernel(step, self.observer.init(nothing), nothing, lowering=self.lowering)
 
     def __copy__(self) -> Self:
         other = super().__copy__()
@@ -196,11 +196,11 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
 
 
 def considered_step(
-    observer: SpeedObserver, state: ObserverState, sample: RobotSample
-) -> tuple[ObserverState, SlipEstimate]:
-    """A step of the observer, with the uncertainty of the wheel radius in its estimate."""
+    observer: SpeedObserver | SlipByOdometry, state: Any, sample: RobotSample
+) -> tuple[Any, SlipEstimate]:
+    """A step, with the uncertainty of the wheel radius in its estimate, which that of the odometry contains."""
     after, estimate = observer.step(state, sample)
-    return after, consider_radius(estimate, observer)
+    return after, consider_radius(estimate, observer) if isinstance(observer, SpeedObserver) else estimate
 
 
 def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEstimate:
