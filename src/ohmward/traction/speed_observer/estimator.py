@@ -74,7 +74,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         terrain: Terrain | str = DEFAULT_TERRAIN,
         filter: str = DEFAULT_FILTER,
     ):
-        if isinstance(robot, str):
+        if not isinstance(robot, Robot | SpeedObserver | SlipByOdometry):
             robot = load_robot(robot)
         observer = default_observer(robot, terrain, filter) if isinstance(robot, Robot) else robot
         super().__init__(observer, lowering)
