@@ -66,6 +66,8 @@ _SCALES = {
 
 #: 0 K, and room temperature [degC], near which a temperature is likelier.
 _KELVIN_DEGC, _ROOM_DEGC = -273.15, 25.0
+#: Reported without a probe, by a DS18B20 and by thermistors.
+_NO_PROBE_DEGC = (-127.0, -273.0, -273.15)
 #: Effect of too low a sampling rate, and advice, by the owner of the quantity.
 _TOO_SLOW = {
     "battery": "ohmic resistance and fast time constants blur into one; sample at 1 Hz or faster",
@@ -76,7 +78,9 @@ _TOO_SLOW = {
 def scales_of(quantity: Quantity, radius_m: float | None = None) -> tuple[Scale, ...]:
     """Units that are often forgotten; with the radius of the wheels [m] those of a speed at the rim, too."""
     known = _SCALES.get(quantity.unit, ())
-    if radius_m is None or quantity.owner != "wheel":
+    if quantity.owner != "wheel":
+        return tuple(scale for scale in known if scale.name != "rpm")
+    if radius_m is None:
         return known
     return (*known, Scale(1.0 / radius_m, "m/s", "m/s"), Scale(1e-3 / radius_m, "mm/s", "mm/s"))
 
@@ -121,6 +125,8 @@ def _unit_advice(
     quantity: Quantity, lowest: float, highest: float, limits: ValueLimits, place: Place, radius_m: float | None
 ) -> str:
     low, high = limits
+    if quantity.unit == "degC" and highest in _NO_PROBE_DEGC:
+        return "its wire is off, or the probe dead"
     fits = [
         scale
         for scale in scales_of(quantity, radius_m)
