@@ -16,11 +16,11 @@ from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
 from ohmward.cli.run.command import summary
-from ohmward.onboard.message import Message
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks.page import PageSink
-from ohmward.onboard.trial import Recorder, Trial
+from ohmward.onboard.trial import Trial
+from ohmward.onboard.wiring_check import Recorder
 from ohmward_lab.onboard import demonstration
 
 
@@ -55,7 +55,7 @@ def test_keys_of_the_check_are_all_listed(example):
     page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
     section = page.split("## JSON of `run`")[1].split("## ")[0]
     recorder = Recorder()
-    recorder.put(Message(0.0, 0.0, "imu", {"yaw_rate_rad_s": 1.0}))
+    recorder.put("imu", 0.0, {"yaw_rate_rad_s": 1.0})
     trial = Trial(recorder.signals(), [Diagnostic("imu", Level.OK, "running")])
     found = summary(trial)
     keys = {*found, *found["findings"][0], *found["signals"]["yaw_rate_rad_s"]}

@@ -111,6 +111,35 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
     assert math.isfinite(robot.clean[-1][signal])
 
 
+@pytest.mark.parametrize(("factor", "message"), [(-1.0, "wrong sign.*scale = -1"), (10.0, "then scale = 0.1")])
+def test_a_current_that_changes_sign_or_unit_is_named_and_not_used_until_it_is_right(battery, factor, message):
+    """At 10 Hz, with a load that steps every 3 s; wrong in the second of three minutes."""
+    watch, draw, told, used = SensorWatch(battery), random.Random(1), {}, []
+    for k in range(1800):
+        t = 0.1 * k
+        current = -2.0 - 3.0 * (t % 6.0 > 3.0)
+        values = {
+            "battery_current_A": (factor if 60.0 < t < 120.0 else 1.0) * (current + draw.gauss(0.0, 0.02)),
+            "battery_voltage_V": 13.1 + 0.03 * current + draw.gauss(0.0, 0.002),
+        }
+        used.append(math.isfinite(watch.take("bms", t, t, values)["battery_current_A"]))
+        told |= {k // 600: [d for d in watch.look(t) if d.level != Level.OK]}
+    assert told[0] == told[2] == []
+    ((name, level, text, _),) = told[1]
+    assert (name, level) == ("battery_current_A", Level.ERROR)
+    assert re.search(message, text)
+    assert all(used[:600]) and not any(used[1000:1200]) and all(used[-100:])
+
+
+def test_a_fault_of_a_slow_sensor_stays_named_between_its_values(battery):
+    watch = SensorWatch(battery)
+    for k in range(5):
+        watch.take("bms", float(k), float(k), {"battery_temperature_degC": -127.0})
+    told = [d for t in (4.2, 4.4, 4.6) for d in watch.look(t) if d.name == "battery_temperature_degC"]
+    assert [d.level for d in told] == [Level.ERROR] * 3
+    assert "its wire is off" in told[0].message
+
+
 def test_a_source_that_repeats_its_last_message_is_stuck_until_it_goes_on(battery):
     held: dict[str, float] = {}
 
@@ -147,7 +176,7 @@ def test_values_without_noise_may_be_the_same_for_long(battery, monkeypatch, ste
     def sample(t):
         x = math.sin(1.1 * min(t, 20.0))
         values = {f"wheel_speed_rad_s.{name}": 4.0 + 3.0 * x for name in PLACES}
-        values |= {"battery_current_A": -5.0 - 2.0 * x, "battery_voltage_V": 13.0 + 0.03 * x, "yaw_rate_rad_s": 0.1 * x}
+        values |= {"battery_current_A": -5.0 - 2.0 * x, "battery_voltage_V": 13.0 - 0.03 * x, "yaw_rate_rad_s": 0.1 * x}
         draw = random.Random(t)
         return {
             name: step * round((value + draw.gauss(0, 0.1)) / step) if step else value for name, value in values.items()

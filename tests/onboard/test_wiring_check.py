@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from ohmward import generic_battery
-from ohmward.onboard.message import Message
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.trial import Recorder, check_wiring
+from ohmward.onboard.wiring_check import Recorder, check_wheels, check_wiring
 from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
@@ -36,7 +35,7 @@ def drive(change=lambda values: values, seconds=20):
             "battery_voltage_V": 13.2 + 0.03 * current_A + draw.normal(0, 0.002),
             "battery_temperature_degC": 21.0,
         }
-        recorder.put(Message(t, t, "robot", change({s: float(v) for s, v in values.items()})))
+        recorder.put("robot", t, change({s: float(v) for s, v in values.items()}))
     return recorder.signals()
 
 
@@ -104,9 +103,18 @@ def test_two_sources_of_a_quantity_are_named(battery):
     recorder = Recorder()
     for k in range(100):
         for source in ("can0", "mqtt"):
-            recorder.put(Message(0.1 * k, 0.1 * k, source, {"battery_voltage_V": 13.0}))
+            recorder.put(source, 0.1 * k, {"battery_voltage_V": 13.0})
     found = check_wiring(recorder.signals(), {}, battery, None)
     assert any("can0 and mqtt both send it" in f.message for f in found)
+
+
+def test_straight_ahead_the_gyro_is_open(battery):
+    speeds = drive()[WHEELS[0]].values / RLMA.wheel.radius_m
+    recorder = Recorder()
+    for k, speed in enumerate(np.abs(speeds) + 2.0):
+        recorder.put("robot", 0.02 * k, dict.fromkeys(WHEELS, speed) | {"yaw_rate_rad_s": 0.0})
+    (found,) = check_wheels(recorder.signals(), RLMA)
+    assert found.level == Level.WARN and "turn a little" in found.message
 
 
 def test_at_rest_signs_are_open_and_nothing_is_wrong(battery):
@@ -135,6 +143,6 @@ def test_a_robot_that_brakes_while_it_is_listened_to_has_no_wrong_sign(battery):
         speed_m_s = 1.9 - deceleration * 0.02 * k
         values = dict.fromkeys(WHEELS, speed_m_s / RLMA.wheel.radius_m)
         values |= dict.fromkeys(MOTORS, -0.5 * deceleration * force_A)
-        recorder.put(Message(0.02 * k, 0.02 * k, "robot", values))
+        recorder.put("robot", 0.02 * k, values)
     found = check_wiring(recorder.signals(), {"robot": ()}, None, RLMA)
     assert [f for f in found if f.level == Level.ERROR] == []

@@ -1,9 +1,11 @@
 """Currents of 16 bits that wrapped, and those that did not."""
 
+import math
+
 import numpy as np
 import pytest
 
-from ohmward.signals.current_size import check_hidden_charge, check_wrapped, not_in_amperes
+from ohmward.signals.current_size import check_hidden_charge, check_size, check_wrapped, not_in_amperes
 
 
 def drive(largest_A, seed=0):
@@ -109,3 +111,18 @@ def test_a_rest_after_a_load_hides_no_charge():
     current_A = np.where(time_s < 3600.0, -6.0, np.where(time_s % 1800.0 < 60.0, -0.5, 0.0))
     relaxing_V = -0.4 * np.exp(-np.clip(time_s - 3600.0, 0.0, None) / 1500.0)
     assert list(check_hidden_charge(time_s, current_A, 26.0 + 0.2 * current_A + relaxing_V)) == []
+
+
+@pytest.mark.parametrize(
+    ("measured_ohm", "usual_ohm", "fix"),
+    [
+        (0.0021, 0.02, "tenths of an ampere? then scale = 0.1"),
+        (0.19, 0.02, "another unit? then scale = 10"),
+        (2e-5, math.nan, "milliamperes? then scale = 0.001"),
+        (0.06, 0.02, None),
+        (0.002, math.nan, None),
+        (math.nan, 0.02, None),
+    ],
+)
+def test_a_current_of_another_size_is_seen_in_the_resistance(measured_ohm, usual_ohm, fix):
+    assert [f.advice for f in check_size(measured_ohm, 0.02, usual_ohm)] == ([fix] if fix else [])

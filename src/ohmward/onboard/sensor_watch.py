@@ -4,7 +4,8 @@ A fault costs an estimator the information of that sensor and nothing else: its 
 until it reports again. A sensor is stuck if its value stays the same to the last bit while related values move: current
 and voltage of a battery are compared with each other, wheels with the motion measured by the other wheels and the gyro.
 It is also stuck if its source repeats its last message, as a driver or a bridge does from its memory: all values that
-normally have noise stay the same together, although the robot is not at rest by them.
+normally have noise stay the same together, although the robot is not at rest by them. Signs and units are compared all
+the time as in a trial of the setup, see `wiring_check`; a current that the voltage contradicts is not used.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.wiring_check import CurrentCheck, Recorder, check_wheels
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
 from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
 from ohmward.traction.motion.sample import STOPPED
@@ -65,6 +67,9 @@ LATE_S = 0.5
 
 #: Most signals watched: enough for a pack of hundreds of cells; a source that invents names must not fill the memory.
 MOST_SENSORS = 1000
+
+#: Quantities that are compared with each other in the running process, and how often [s].
+_COMPARED, _COMPARE_S = ("battery_current_A", "battery_voltage_V", "wheel_speed_rad_s", "yaw_rate_rad_s"), 5.0
 
 #: Weight of the newest interval in the usual one.
 _NEWEST_WEIGHT = 0.05
@@ -118,6 +123,9 @@ class WatchedSensor:
     repeated: int = 0  #: values that came twice since the last look
     looked_at: float = math.nan  #: value at the last look
     looked_s: float = math.nan  #: time of that value
+    looked: bool = False  #: True if no value has come since the last look
+    wrong: str = ""  #: sentence if related signals contradict its sign or unit
+    compared: bool = False  #: True if it is compared with related signals
 
     @property
     def silent_after_s(self) -> float:
@@ -145,6 +153,8 @@ class WatchedSensor:
         if SILENT_S < waited_s < LONGEST_BURST_S and 0.0 < time_s - self.last_s < SILENT_S:
             self.burst_s = waited_s
         self.received_s = received_s
+        if self.looked:
+            self.bad, self.good, self.repeated, self.looked = 0, 0, 0, False
         if not self.lowest <= value <= self.highest:
             self.bad, self.bad_value = self.bad + 1, value
             self._reported(time_s)
@@ -162,7 +172,7 @@ class WatchedSensor:
                 self._moved()
         self._reported(time_s)
         self.good += 1
-        if self.stuck:
+        if self.stuck or (self.wrong and self.signal == "battery_current_A"):
             return math.nan
         self.true_s = received_s
         return value
@@ -256,6 +266,10 @@ class SensorWatch:
         self._left_out = ""
         self._missed: set[str] = set()
         self._evidence: dict[str, list[WatchedSensor]] = {name: [] for name in EVIDENCE}
+        self._recent, self._compared_s = Recorder(recent=True), -math.inf
+        self._current = CurrentCheck(self.battery) if self.battery else None
+        self._wrong: dict[str, dict[str, str]] = {}  #: contradictions of the "current" and of the "wheels"
+        self._together: set[str] = set()  #: names of those that are of several signals together
 
     def ages(self, now_s: float) -> dict[str, Age]:
         """Overdue evidence of estimates, by name: none of its sensors has sent a value that may be true in time."""
@@ -279,6 +293,8 @@ class SensorWatch:
             if sensor.source != source and not self._takes_over(sensor, source, received_s):
                 continue
             clean[signal] = sensor.take(time_s, received_s, value)
+            if sensor.compared and value == sensor.value and not sensor.stuck:
+                self._recent.put(source, time_s, {signal: value})
         return clean
 
     def clock_was_set(self, source: str, now_s: float) -> None:
@@ -294,11 +310,34 @@ class SensorWatch:
         for name, delivery in self.sources.items():
             yield from self._conditions(name, delivery, now_s)
         yield from self._needed(now_s)
+        yield from self._compare(now_s)
         for sensor in self.sensors.values():
             level, message = _condition(sensor, now_s)
             figures = {"value": sensor.value, "interval_s": sensor.interval_s, "age_s": now_s - sensor.last_s}
             yield Diagnostic(sensor.signal, level, message, figures)
-            sensor.bad = sensor.good = sensor.repeated = 0
+            sensor.looked = True
+
+    def _compare(self, now_s: float) -> Iterator[Diagnostic]:
+        """Compare related signals: those of a wrong sign or unit stay marked until they are seen to be right."""
+        if now_s - self._compared_s < _COMPARE_S:
+            return
+        self._compared_s, recent = now_s, self._recent.signals()
+        current = self._current.findings(recent) if self._current else []
+        wheels = list(check_wheels(recent, self.robot)) if self.robot else []
+        for group, findings in (("current", current), ("wheels", wheels)):
+            if any(finding.level in (Level.OK, Level.ERROR) for finding in findings):
+                before = self._wrong.get(group, {})
+                now = {f.name: f.message for f in findings if f.level == Level.ERROR}
+                same = {name for name in now if _fix(now[name]) == _fix(before.get(name, ""))}
+                self._wrong[group] = {name: before[name] if name in same else now[name] for name in now}
+        wrong = {name: text for found in self._wrong.values() for name, text in found.items()}
+        for sensor in self.sensors.values():
+            sensor.wrong = wrong.pop(sensor.signal, "")
+        for name in self._together - wrong.keys():
+            yield Diagnostic(name, Level.OK, "agree")
+        self._together = set(wrong)
+        for name, text in wrong.items():
+            yield Diagnostic(name, Level.ERROR, text)
 
     def take_contradiction(self, signal: str) -> None:
         """Take it that an estimate contradicts a sensor, which is stuck if it repeats itself."""
@@ -352,6 +391,7 @@ class SensorWatch:
         sensor = self.sensors[signal] = WatchedSensor(signal, source, lowest, highest, move)
         sensor.absent = no_such_part(signal, self.robot)
         sensor.plausible = plausible
+        sensor.compared = quantity.name in _COMPARED and not sensor.absent
         for name, quantities in EVIDENCE.items():
             if quantity.name in quantities and not sensor.absent:
                 self._evidence[name].append(sensor)
@@ -397,7 +437,7 @@ class SensorWatch:
             if sensor.is_same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
                 sensor.stuck = True
         if self._motion:
-            speeds = {s.signal: (self._speed(s), s.is_same) for s in self.sensors.values() if s.good}
+            speeds = {s.signal: (self._speed(s), s.is_same) for s in self.sensors.values() if s.good and not s.looked}
             for signal in self._motion.stuck(speeds):
                 self.sensors[signal].stuck = True
 
@@ -420,6 +460,8 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
         return Level.ERROR, _bad(sensor)
     if sensor.stuck:
         return Level.ERROR, str(stuck())
+    if sensor.wrong:
+        return Level.ERROR, sensor.wrong
     if sensor.bad:
         return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
@@ -429,6 +471,11 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     return (
         (Level.WARN, text) if (text := _beyond(sensor, sensor.value)) else (Level.OK, f"reports, from {sensor.source}")
     )
+
+
+def _fix(sentence: str) -> str:
+    """The advice at the end of a sentence about a fault."""
+    return sentence.rpartition(";")[2]
 
 
 def _bad(sensor: WatchedSensor) -> str:

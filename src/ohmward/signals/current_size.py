@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.runs import long_runs
-from ohmward.signals.checks import Finding, Scale, scales_of
+from ohmward.signals.checks import Finding, Scale, rescale, scales_of
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import running_median, spread
 
@@ -41,6 +41,10 @@ LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 _MOST_CELL_OHM = 0.5
 #: A resistance is too small if it is by this many standard errors; smallest peak current [A] that is questioned.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
+
+#: Largest factor between the resistance that a current shows and the battery file's, and between that and the one it
+#: showed before: of measured cells in windows of half a minute up to 9 and 7, cold, sampled late and nearly empty.
+_FROM_FILE, _FROM_BEFORE = 50.0, 6.5
 
 
 #: A charge that the current sensor does not show.
@@ -178,6 +182,26 @@ def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     if np.abs(np.exp(1j * phase).mean()) >= _COHERENT or np.unique(np.abs(wraps)).size < 2:
         return 0
     return count if coherence[best] >= _COHERENT and count >= _FEWEST_WRAPPED else 0
+
+
+def check_size(measured_ohm: float, file_ohm: float, usual_ohm: float) -> Iterator[Finding]:
+    """A finding on a current that is a power of ten too large or too small.
+
+    measured_ohm: dV/dI of the last samples [ohm], nan if they do not show it.  file_ohm: by the battery file.
+    usual_ohm: dV/dI of the samples before [ohm], nan if unknown.
+    """
+    for most, other_ohm, whose in (
+        (_FROM_BEFORE, usual_ohm, "what it was before"),
+        (_FROM_FILE, file_ohm, "that of the battery file"),
+    ):
+        ratio = measured_ohm / other_ohm
+        if not 1.0 / most <= ratio <= most and np.isfinite(ratio):
+            factor = 10.0 ** np.rint(np.log10(ratio))
+            quantity = QUANTITIES["battery_current_A"]
+            unit = [rescale(quantity, s, "setup") for s in scales_of(quantity) if np.isclose(s.factor, factor)]
+            text = f"the voltage answers it with dV/dI = {1e3 * measured_ohm:.2g} mohm, {ratio:.2g} times {whose}"
+            yield Finding("error", text, unit[0] if unit else f"another unit? then scale = {factor:g}")
+            return
 
 
 class NoAmperes(NamedTuple):

@@ -81,13 +81,13 @@ def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tu
         )
         fix = "scale = -1" if place == "setup" else "change the sign in the file, or say with --column which is which"
         yield next(k for k in wrong if k < gyro), Finding("error", text, fix)
-    elif wrong or _faster_than_gyro(robot, motion) < -1.0 / MOST_FASTER:
+    elif wrong or faster_than_gyro(robot, motion) < -1.0 / MOST_FASTER:
         yield gyro, against_gyro(robot, place)
 
 
 def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
     """A finding on wheels that turn the robot much faster or slower than the gyro says."""
-    faster = _faster_than_gyro(robot, motion)
+    faster = faster_than_gyro(robot, motion)
     if not math.isfinite(faster) or _fits(robot, faster):
         return
     wheel, gyro = QUANTITIES["wheel_speed_rad_s"], QUANTITIES["yaw_rate_rad_s"]
@@ -99,7 +99,7 @@ def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Fi
     fixes += [
         f"the gyro in {rescale(gyro, scale, place)}" for scale in scales_of(gyro) if _fits(robot, faster / scale.factor)
     ]
-    fix = fixes[0] if fixes else "check their units, the radius and the track"
+    fix = fixes[0] if fixes else "check their units, the radius and the track, or do the wheels slip?"
     yield Finding("error", f"the wheels turn the robot {faster:.3g} times as fast as the gyro", fix)
 
 
@@ -135,7 +135,7 @@ def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.nd
     return SensedMotion(seen, check.rows[seen], values[:, moves])
 
 
-def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
+def faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
     """Yaw rate by the wheels over that of the gyro; nan where no factor makes them alike, or it hardly turned."""
     (seen, rows, values), gyro = motion, len(robot.places)
     wheels = [n for n, k in enumerate(seen) if k < gyro]
