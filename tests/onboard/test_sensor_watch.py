@@ -157,6 +157,14 @@ def test_a_source_that_repeats_its_last_message_is_stuck_until_it_goes_on(batter
     assert robot.run(20.0, 30.0).wrong() == {}
 
 
+def test_encoders_that_stop_together_are_stuck_although_their_message_goes_on(battery, monkeypatch):
+    robot = Robot(battery, stuck(*(f"wheel_speed_rad_s.{name}" for name in PLACES)), until_s=20.0)
+    driving = robot.sample
+    monkeypatch.setattr(robot, "sample", lambda t: driving(t) | {"motor_current_A.0": robot.draw.gauss(2.0, 0.1)})
+    robot.run(end_s=20.0)
+    assert set(robot.wrong()) == {f"wheel_speed_rad_s.{name}" for name in PLACES}
+
+
 def test_one_message_of_a_source_is_found_to_be_repeated(battery):
     robot = Robot(battery)
     held = robot.sample(0.1)

@@ -3,9 +3,10 @@
 A fault costs an estimator the information of that sensor and nothing else: its values become nan, as if not measured,
 until it reports again. A sensor is stuck if its value stays the same to the last bit while related values move: current
 and voltage of a battery are compared with each other, wheels with the motion measured by the other wheels and the gyro.
-It is also stuck if its source repeats its last message, as a driver or a bridge does from its memory: all values that
-normally have noise stay the same together, although the robot is not at rest by them. Signs and units are compared all
-the time as in a trial of the setup, see `wiring_check`; a current that the voltage contradicts is not used.
+It is also stuck if its source repeats its last message, as a driver or a bridge does from its memory, or all encoders
+in it: all values that normally have noise stay the same together, although the robot is not at rest by them. Signs and
+units are compared all the time as in a trial of the setup, see `wiring_check`; a current that the voltage contradicts
+is not used.
 """
 
 from __future__ import annotations
@@ -418,12 +419,12 @@ class SensorWatch:
         return False
 
     def _find_repeated(self) -> None:
-        """Find the sensors of sources, and of messages of theirs, that are repeated to the last bit."""
-        together: dict[tuple[str, float], list[WatchedSensor]] = {}
+        """Find the sensors of sources, of messages and of one quantity of theirs, that are repeated to the last bit."""
+        together: dict[tuple[str, float | str], list[WatchedSensor]] = {}
         for sensor in self.sensors.values():
             if sensor.varies:
-                together.setdefault((sensor.source, sensor.last_s), []).append(sensor)  # of one message
-                together.setdefault((sensor.source, math.inf), []).append(sensor)
+                for part in (sensor.last_s, sensor.signal.partition(".")[0], ""):
+                    together.setdefault((sensor.source, part), []).append(sensor)
         for sensors in together.values():
             noisy = [sensor for sensor in sensors if sensor.has_noise]
             repeated = len(noisy) >= FEWEST_WITH_NOISE and all(sensor.is_repeated for sensor in noisy)
@@ -456,12 +457,12 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
         return Level.ERROR, f"{sensor.absent}; leave it out of {sensor.source}, or correct the robot file"
     if sensor.is_silent(now_s):
         return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
+    if sensor.wrong and not (sensor.bad and math.isnan(sensor.bad_value)):
+        return Level.ERROR, sensor.wrong
     if sensor.bad and not sensor.good:
         return Level.ERROR, _bad(sensor)
     if sensor.stuck:
         return Level.ERROR, str(stuck())
-    if sensor.wrong:
-        return Level.ERROR, sensor.wrong
     if sensor.bad:
         return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
