@@ -164,6 +164,21 @@ def test_a_battery_that_was_charged_meanwhile_is_told_by_its_voltage(battery):
     assert state.battery.soc > 0.85
 
 
+@pytest.mark.parametrize("soc", [0.2, 0.95])
+@pytest.mark.parametrize("away_s", [120.0, 3600.0])
+def test_a_battery_that_was_changed_unannounced_is_noticed_by_its_voltage(away_s, soc):
+    """The curve of a generic file is less certain than the change of the voltage along it."""
+    battery = generic_battery("nmc", 20.0, 4)
+    before = driven(battery)
+    assert before.state.battery
+    after = Estimation(battery)
+    resume(after, remember(before, 1300.0), away_s, 5.0)
+    voltage_V = float(battery.thevenin.ocv.mean_V(soc, 25.0))
+    for k in range(10):
+        state: Any = one(after.put(5.0 + k, {"battery_current_A": -0.2, "battery_voltage_V": voltage_V}))
+    assert abs(state.battery.soc - soc) < 1.96 * state.battery.soc_std
+
+
 @pytest.mark.parametrize("away_s", [3600.0, 3 * 3600.0])
 def test_a_wrong_first_voltage_after_an_absence_changes_nothing(battery, away_s):
     """A converter starts with the computer."""

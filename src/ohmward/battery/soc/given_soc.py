@@ -22,11 +22,12 @@ from ohmward.battery.soc.capacity_evidence import count_once
 from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors, mixed, relative
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.battery.soc.voltage_faults import HeldVoltage
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
-from ohmward.filters.gate import inflate
+from ohmward.filters.gate import inflate, passes
 from ohmward.filters.kalman import correct_state
 from ohmward.quantities import SECONDS_PER_HOUR
 
@@ -40,8 +41,12 @@ WRONG_AFTER_GAP = 0.5
 #: Standby draw of electronics that are off, as a share of the capacity per hour: ten times a good protection board's.
 STANDBY_PER_HOUR = 0.01
 
-#: A voltage contradicts the charge before an absence if it moves it by this many of its standard deviations.
+#: A voltage contradicts the charge before an absence if it moves it by this many of its standard deviations, or
+#: differs by as many of its own from the voltage expected.
 CONTRADICTS_STD = 3.0
+
+#: Least weight of the hypotheses that expect it.
+LEAST_AGREEING = 0.05
 
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
@@ -70,19 +75,23 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
 
     Call it when a second voltage is like the first: the first one may not be the battery's.
 
-    Where it contradicts the charge `before` it, somebody has charged or used the battery: the voltage alone counts.
+    Where it contradicts the charge `before` it, or the voltage before it, which had the same error of the curve,
+    somebody has charged, used or changed the battery: the voltage alone counts.
     """
     filter_ = _single(settings)
     (whole,) = filter_.voltage_start.hypotheses(sample, *before)
-    start, u = whole.start, first_input(sample, filter_.limits.current_A)
-    contradicts = abs(start.soc - before.soc) > CONTRADICTS_STD * before.std
+    u = first_input(sample, filter_.limits.current_A)
     clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
+    members = state.members if isinstance(settings, GaussianSumFilter) else (state,)
+    weights = np.exp(relative(state.log_weights)) if isinstance(settings, GaussianSumFilter) else np.ones(1)
+    updates = [filter_.correct(member, unpack(member.belief), clean) for member in members]
+    like = [passes(update.correction.innovation, CONTRADICTS_STD**2) for update in updates]
+    agree = float(weights @ like)
+    if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
+        return _restarted(settings, state, sample, settings.voltage_start.hypotheses(sample))
 
     def seen(member: FilterState) -> FilterState:
-        belief = unpack(member.belief)
-        if contradicts:
-            return member._replace(belief=pack(with_given_soc(forget_soc(belief), SocNormal(start.soc, start.std))))
-        update = filter_.correct(member, belief, clean)
+        update = filter_.correct(member, unpack(member.belief), clean)
         return member._replace(belief=pack(update.belief), evidence=update.evidence)
 
     return _of_each(seen, settings, state)
@@ -100,11 +109,19 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
     So a gap is a start with a given value that is as likely wrong as right, and its first voltage is used in the same
     way. The estimates of capacity and resistances belong to the battery and are kept.
     """
-    whole: FilterState = settings.merged(state) if isinstance(settings, GaussianSumFilter) else state
-    before = unpack(whole.belief)
+    before = unpack(_merged(settings, state).belief)
     soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
     drawn = STANDBY_PER_HOUR * gap_s / SECONDS_PER_HOUR
     known = settings.voltage_start.hypotheses(first, soc, math.sqrt(variance + drawn * drawn), WRONG_AFTER_GAP)
+    return _restarted(settings, state, first, known)
+
+
+def _restarted(
+    settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, known: tuple[Hypothesis, ...]
+) -> Any:
+    """State that starts from the hypotheses of a first sample with what was learnt of capacity and resistances."""
+    whole = _merged(settings, state)
+    before = unpack(whole.belief)
     learnt = [settings.state_names.index(name) for name in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
 
     def with_learnt(member: FilterState) -> FilterState:
@@ -116,6 +133,12 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
         return member._replace(belief=pack(Belief(mean, cov)), evidence=whole.evidence)
 
     return _of_each(with_learnt, settings, settings.start_from(first, *known))
+
+
+def _merged(settings: TheveninFilter | GaussianSumFilter, state: Any) -> FilterState:
+    """The state itself; of a Gaussian sum that of all hypotheses together."""
+    whole: FilterState = settings.merged(state) if isinstance(settings, GaussianSumFilter) else state
+    return whole
 
 
 def _of_each(change: Callable[[FilterState], FilterState], settings: Any, state: Any) -> Any:
