@@ -88,7 +88,7 @@ def test_what_never_came_is_named(battery):
     def cut(values):
         return {s: v for s, v in values.items() if s not in (WHEELS[0], "battery_current_A")}
 
-    found = findings(cut, battery, promised={"robot": (WHEELS[0],), "other": ()})
+    found = findings(cut, battery, promised={"robot": (WHEELS[0],), "other": ("battery_full",)})
     assert "never came from robot" in found[WHEELS[0]] or "wheel is driven" in found[WHEELS[0]]
     assert "the charge needs it" in found["battery_current_A"]
     assert "sent nothing" in found["other"]
@@ -124,8 +124,9 @@ def test_at_rest_signs_are_open_and_nothing_is_wrong(battery):
     assert any(f.name == "battery_current_A" and "drive a little" in f.message for f in found)
 
 
-def test_a_source_that_sent_nothing_is_one_finding(battery):
-    promised = {"can": ("battery_current_A", "battery_voltage_V", *WHEELS)}
+@pytest.mark.parametrize("signals", [(), ("battery_current_A", "battery_voltage_V", *WHEELS)])
+def test_a_source_that_sent_nothing_is_one_finding(battery, signals):
+    promised = {"can": signals}
     wrong = [f for f in check_wiring({}, promised, battery, RLMA) if f.level == Level.ERROR]
     assert [(f.name, f.message) for f in wrong] == [("can", "sent nothing; is the other side on, and connected?")]
 

@@ -147,7 +147,13 @@ def _needed(
     battery: Battery | None,
     robot: Robot | None,
 ) -> Iterator[Diagnostic]:
-    """Findings about signals that the estimators need, but no source sends or declares."""
+    """Findings about signals that the estimators need, but no source sends or declares.
+
+    None while a source that may send any signal has sent nothing.
+    """
+    heard = {source for record in found.values() for source in record.sources}
+    if any(source not in heard and not signals for source, signals in promised.items()):
+        return
     wired = [*found, *(signal for signals in promised.values() for signal in signals)]
     cells = any(signal.startswith("cell_voltage_V.") for signal in wired)
     if battery and "battery_current_A" not in wired:
