@@ -40,7 +40,7 @@ from ohmward.traction.robot.robot import Robot
 RECENT_S, FEWEST_RECENT = 30.0, 60
 
 #: Least time between two of them [s].
-_SPACING_S = 0.02
+_SPACING_S = 0.05
 
 #: Usual resistance: weight of the newest, largest factor from it of one that shows the current to be right, and longest
 #: interval between samples that show it [s].

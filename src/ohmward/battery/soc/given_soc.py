@@ -85,7 +85,7 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     members = state.members if isinstance(settings, GaussianSumFilter) else (state,)
     weights = np.exp(relative(state.log_weights)) if isinstance(settings, GaussianSumFilter) else np.ones(1)
     updates = [filter_.correct(member, unpack(member.belief), clean) for member in members]
-    like = [passes(update.correction.innovation, CONTRADICTS_STD**2) for update in updates]
+    like = np.array([passes(update.correction.innovation, CONTRADICTS_STD**2) for update in updates], dtype=float)
     agree = float(weights @ like)
     if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
         return _restarted(settings, state, sample, settings.voltage_start.hypotheses(sample))
