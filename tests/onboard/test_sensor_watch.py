@@ -5,7 +5,7 @@ import re
 import pytest
 
 from ohmward import generic_battery
-from ohmward.onboard.robot_state import Level
+from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sensor_watch import MISSED_S, MOST_SENSORS, SensorWatch
 from ohmward.traction.robot.packaged import RLMA
 
@@ -114,7 +114,8 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
 @pytest.mark.parametrize(("factor", "message"), [(-1.0, "wrong sign.*scale = -1"), (10.0, "then scale = 0.1")])
 def test_a_current_that_changes_sign_or_unit_is_named_and_not_used_until_it_is_right(battery, factor, message):
     """At 10 Hz, with a load that steps every 3 s; wrong in the second of three minutes."""
-    watch, draw, told, used = SensorWatch(battery), random.Random(1), {}, []
+    watch, draw, used = SensorWatch(battery), random.Random(1), []
+    told: dict[int, list[Diagnostic]] = {}
     for k in range(1800):
         t = 0.1 * k
         current = -2.0 - 3.0 * (t % 6.0 > 3.0)
