@@ -132,6 +132,17 @@ def test_a_current_that_changes_sign_or_unit_is_named_and_not_used_until_it_is_r
     assert all(used[:600]) and not any(used[1000:1200]) and all(used[-100:])
 
 
+def test_the_voltage_of_another_battery_accuses_no_current(battery):
+    watch, draw, wrong = SensorWatch(battery), random.Random(1), []
+    for k in range(1200):
+        t = 0.1 * k
+        current = -2.0 - 3.0 * (t % 6.0 > 3.0)
+        voltage = (12.0 if t < 60.0 else 13.3) + 0.03 * current + draw.gauss(0.0, 0.002)
+        watch.take("bms", t, t, {"battery_current_A": current + draw.gauss(0.0, 0.02), "battery_voltage_V": voltage})
+        wrong += [d for d in watch.look(t) if d.level != Level.OK]
+    assert wrong == []
+
+
 def test_a_fault_of_a_slow_sensor_stays_named_between_its_values(battery):
     watch = SensorWatch(battery)
     for k in range(5):

@@ -17,6 +17,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.onboard.message import no_such_part, unmeasured_wheels, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import limits_of, quantity_of
@@ -210,6 +211,10 @@ class CurrentCheck:
         if current is None or voltage is None or len(voltage.values) < 2:
             return []
         answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
+        jumps = np.flatnonzero(np.abs(np.diff(answered_V)) > JUMP_SHARE * self._limits_V.highest)
+        if jumps.size:  # no current makes such a step: another battery, or a fault of the voltage
+            current = current._replace(time_s=current.time_s[jumps[-1] + 1 :], values=current.values[jumps[-1] + 1 :])
+            answered_V = answered_V[jumps[-1] + 1 :]
         evidence = sign_evidence(current.time_s, current.values, answered_V)
         measured_ohm = abs(evidence.edges.resistance_ohm) if evidence.edges.sign else math.nan
         if not (
