@@ -3,9 +3,8 @@ import math
 
 import pytest
 
-from ohmward.onboard import arrivals
-from ohmward.onboard.arrivals import LONGEST_QUEUED_S, Arrivals
-from ohmward.onboard.clock import SETTLE_S
+from ohmward.onboard import clock
+from ohmward.onboard.clock import LONGEST_QUEUED_S, SETTLE_S, Arrivals
 from ohmward.onboard.message import Message
 
 LIVE_S, DELAY_S, OTHER_CLOCK_S = 100.0, 0.002, 57.3
@@ -73,7 +72,7 @@ def test_a_queue_without_end_is_let_through():
 
 
 def test_most_messages_wait(monkeypatch):
-    monkeypatch.setattr(arrivals, "MOST_QUEUED", 50)
+    monkeypatch.setattr(clock, "MOST_QUEUED", 50)
     arriving = Arrivals()
     assert [len(arriving.put(Message(k, 1e-4 * k, "source", {}))) for k in range(50)] == [0] * 49 + [50]
 
@@ -86,7 +85,7 @@ def test_two_senders_whose_clocks_differ_do_not_hold_each_other_up():
 
 
 def test_a_source_that_invents_publishers_shares_a_clock_for_them(monkeypatch):
-    monkeypatch.setattr(arrivals, "MOST_CLOCKS", 10)
+    monkeypatch.setattr(clock, "MOST_CLOCKS", 10)
     arriving = Arrivals()
     for k in range(100):
         arriving.put(Message(1.0 + 0.1 * k, 5.0 + 0.1 * k, "mqtt", {}, f"topic/{k}"))

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.arrivals import Arrival, Arrivals
+from ohmward.onboard.clock import Arrival, Arrivals
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.line_reader import MOST_KNOWN, MOST_STRANGERS
 from ohmward.onboard.message import ScaledSignal, Wiring

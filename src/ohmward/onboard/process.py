@@ -19,8 +19,7 @@ from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
-from ohmward.onboard.arrivals import Arrival, Arrivals
-from ohmward.onboard.clock import LEAP_S, MessageDates, SystemClock
+from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, MessageDates, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.feed import Feed
