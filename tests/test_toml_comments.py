@@ -1,6 +1,6 @@
 import ohmward as ow
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.toml_comments import with_comments
+from ohmward.toml_file import with_comments
 
 OLD = """\
 # head of every file
