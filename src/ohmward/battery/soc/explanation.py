@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.causes import (
     KNOWN_HALF_WIDTH,
@@ -26,6 +27,7 @@ from ohmward.battery.soc.causes import (
     time_in_words,
 )
 from ohmward.battery.soc.charge_history import ChargeHistory
+from ohmward.battery.soc.clean_sample import sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import NO_SAMPLE, SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
@@ -95,18 +97,25 @@ def truth_at(settings: TheveninFilter, belief: Belief, point: float) -> np.ndarr
 def true_voltage(settings: TheveninFilter, state: FilterState, x: np.ndarray, samples: SocSample) -> np.ndarray:
     """(T,) voltage [V] of the model along the samples, starting in state x."""
     before_A = np.concatenate([[state.current_A], samples.current_A[:-1]])
-    no_variance = np.zeros((len(x), len(x)))
+    before = CircuitInput(before_A, state.temperature_degC, state.unknown_K)
+    _, voltage_V = _voltage_kernel(settings).scan(x, (samples, before, state.unknown_s))
+    return voltage_V
 
-    def step(x: np.ndarray, inputs: tuple[SocSample, float]) -> tuple[np.ndarray, float]:
-        sample, current_A = inputs
-        clean = settings.sanitize(state._replace(current_A=current_A), sample)
+
+@lru_cache(maxsize=MOST_KERNELS)
+def _voltage_kernel(settings: TheveninFilter) -> Kernel:
+    """The step of `true_voltage`, compiled: from the state, and the sample with the input before it."""
+    unknown = np.zeros(len(settings.state_names))
+    no_variance = np.diag(unknown)
+
+    def step(x: np.ndarray, inputs: tuple[SocSample, CircuitInput, float]) -> tuple[np.ndarray, float]:
+        sample, before, unknown_s = inputs
+        clean = sanitize(sample, before, settings.limits, unknown_s)
         x = settings.system.next_state(x, clean)
         error = settings.system.voltage_error(Belief(x, no_variance), clean)
         return x, settings.system.voltage(x, clean, error)[0]
 
-    nothing = SocSample(0.0, 0.0, 0.0, 0.0)
-    _, voltage_V = Kernel(step, x, (nothing, 0.0), lowering="python").scan(x, (samples, before_A))
-    return voltage_V
+    return Kernel(step, unknown, (NO_SAMPLE, CircuitInput(0.0, 0.0), 0.0), lowering="python")
 
 
 def _measured_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
