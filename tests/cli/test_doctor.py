@@ -8,6 +8,7 @@ from cli.examples import drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.cli.doctor.command import sources
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
 from ohmward.traction import RLMA, save_robot
@@ -66,13 +67,19 @@ def test_a_battery_file_says_what_it_does_not_know_and_which_test_helps(here, ca
     assert main(["doctor", "generic.toml"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("generic.toml: battery 'generic nmc', 12 Ah, nmc, 4 in series\n")
+    assert "learnt from     none" in out and "assumed exact   hysteresis_std: 0 in [noise]" in out
     for part in ("Not known:", "25 degC", "-10 degC", "as the file is", "at best, after a slow discharge"):
         assert part in out
 
 
-def test_the_bands_of_a_battery_file_are_in_json_and_on_the_page(here, as_json):
-    found = as_json("doctor", "battery.toml", "day.csv", "--report", "found.html")
+def test_files_of_all_kinds_have_bands_a_page_and_next_commands_with_their_names(here, as_json):
+    Path("drive.csv").write_text(_drive_text(), encoding="utf-8")
+    save_robot(RLMA, here / "mine.toml")
+    (here / "pack.toml").symlink_to(here / "battery.toml")
+    found = as_json("doctor", "drive.csv", "day.csv", "mine.toml", "pack.toml", "--report", "found.html")
     assert [log["path"] for log in found["logs"]] == ["day.csv"]
+    commands = ["ohmward slip drive.csv --robot mine.toml", "ohmward soc day.csv --battery pack.toml"]
+    assert found["next"][:2] == commands
     (battery,) = found["batteries"]
     assert [band["temperature_degC"] for band in battery["bands"]] == [25.0, 0.0, -10.0]
     assert all(0.0 < band["known_start"] <= 1.05 * band["unknown_start"] < 10.0 for band in battery["bands"])
@@ -103,12 +110,10 @@ def test_a_damaged_file_of_toml_is_refused_with_its_kind(here, refused):
     assert "floors file; give a battery file" in refused("doctor", "floors.toml")
 
 
-def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
+def test_what_a_battery_file_takes_as_exact_is_named():
     careless = replace(generic_battery("lfp", 12.0, 4), noise=BatteryNoise(capacity_std=0.0))
-    save_battery(careless, here / "careless.toml")
-    main(["doctor", "careless.toml"])
     exact = "capacity_std, activation_std_K, ocv_std_V_per_K, hysteresis_std: 0 in [noise]"
-    assert f"assumed exact   {exact}" in capsys.readouterr().out
+    assert sources(careless)["assumed exact"] == exact
 
 
 def _drive_text() -> str:
@@ -134,7 +139,9 @@ def test_a_drive_is_examined(here, as_json, capsys):
 
 def test_a_drive_is_checked_with_its_robot(here, as_json):
     Path("drive.csv").write_text(_drive_text().replace("velL_rad_s", "velL_rpm"), encoding="utf-8")
-    (log,) = as_json("doctor", "drive.csv", "--robot", "rlma", "--unit", "wheel_speed=rpm")["drives"]
+    found = as_json("doctor", "drive.csv", "--robot", "rlma", "--unit", "wheel_speed=rpm")
+    assert found["next"] == ["ohmward slip drive.csv --robot rlma"]
+    (log,) = found["drives"]
     assert set(log["survey"]["wheels"]) == {"front_left", "front_right"}
     assert log["survey"]["wheels"]["front_right"]["maximum"] == pytest.approx(1.1 * np.pi / 30, rel=1e-3)
 
@@ -160,15 +167,6 @@ def test_a_log_of_battery_and_wheels_is_both(here, as_json):
     found = as_json("doctor", "both.csv", "--unit", "wheel_speed=rad/s", "--unit", "current=A")
     assert (len(found["logs"]), len(found["drives"])) == (1, 1)
     assert found["next"][-1] == "ohmward mission both.csv --robot robot.toml --battery battery.toml"
-
-
-def test_the_next_commands_name_the_files_that_were_given(here, as_json):
-    Path("drive.csv").write_text(_drive_text(), encoding="utf-8")
-    save_robot(RLMA, here / "mine.toml")
-    save_battery(generic_battery("nmc", 12.0, 4), here / "pack.toml")
-    assert as_json("doctor", "drive.csv", "--robot", "rlma")["next"] == ["ohmward slip drive.csv --robot rlma"]
-    found = as_json("doctor", "drive.csv", "day.csv", "mine.toml", "pack.toml")["next"]
-    assert found[:2] == ["ohmward slip drive.csv --robot mine.toml", "ohmward soc day.csv --battery pack.toml"]
 
 
 def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):

@@ -48,7 +48,7 @@ def life(tmp_path_factory) -> Path:
     return folder
 
 
-def test_a_battery_that_ages_has_a_page(life, tmp_path, as_json, monkeypatch):
+def test_a_battery_that_ages_is_followed_over_months_and_has_a_page(life, tmp_path, as_json, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = as_json("health", str(life / "logs"), "--battery", str(life / "new.toml"), "--report", "health.html")
     assert set(found) == KEYS
@@ -59,17 +59,13 @@ def test_a_battery_that_ages_has_a_page(life, tmp_path, as_json, monkeypatch):
     assert 30.0 < left["p05"] < left["p50"] < left["p95"]
     assert left["p05"] < 27 * 30.4 * 11 / 9 < left["p95"]
     assert abs(found["soh_capacity"]["mean"] - 0.91) < 2 * found["soh_capacity"]["std"]
+    assert found["soh_capacity"]["mean"] == pytest.approx(0.91, abs=0.03)
+    own = [log["own_soh_capacity"]["mean"] for log in found["logs"]]
+    np.testing.assert_allclose(own, list(LEFT.values()), atol=0.03)
     assert found["sudden_changes"] == []
     page = (tmp_path / "health.html").read_text(encoding="utf-8")
     assert "Capacity over that when new" in page
     assert "month-18" in page
-
-
-def test_a_battery_that_ages_is_followed_over_months(life, tmp_path, as_json):
-    found = as_json("health", str(life / "logs"), "--battery", str(life / "new.toml"))
-    assert found["soh_capacity"]["mean"] == pytest.approx(0.91, abs=0.03)
-    own = [log["own_soh_capacity"]["mean"] for log in found["logs"]]
-    np.testing.assert_allclose(own, list(LEFT.values()), atol=0.03)
 
 
 def test_the_text_says_what_the_numbers_mean(life, capsys):

@@ -1,14 +1,19 @@
 """`ohmward learn` by hand: logs in, a battery file that knows more out; nothing lost, nothing counted twice."""
 
+import contextlib
+import io
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from cli.examples import battery, drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
+from ohmward.cli.doctor.command import sources
 from ohmward.cli.main import main
 from ohmward.fleet import learning
 from ohmward.logs import write_log
@@ -23,11 +28,40 @@ LOG_KEYS |= {"soc_start", "soc_end", "capacity_Ah", "resistance_ohm", "offset_A"
 LOG_KEYS |= {"anchors", "left_out"}
 
 
+def save_label(folder: Path) -> None:
+    save_battery(generic_battery("nmc", 12.0, 3), folder / "label.toml")
+
+
 @pytest.fixture
 def label(here) -> Path:
     """A folder with label.toml, a file that knows the label of the battery."""
-    save_battery(generic_battery("nmc", 12.0, 3), here / "label.toml")
+    save_label(here)
     return here
+
+
+def taught(folder: Path, files: Path, *logs: str) -> dict[str, Any]:
+    """mine.toml in an empty folder learns from logs after label.toml, with a page; what the command says in JSON."""
+    save_label(folder)
+    shutil.copy(folder / "label.toml", folder / "mine.toml")
+    words = ["learn", *(str(files / log) for log in logs), "--battery", str(folder / "mine.toml")]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main([*words, "-o", str(folder / "mine.toml"), "--report", str(folder / "learn.html"), "--json"]) == 0
+    return json.loads(out.getvalue())
+
+
+@pytest.fixture(scope="module")
+def day_learnt(files, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
+    """A folder in which mine.toml has learnt from day.csv, and what the command said; nobody writes into it."""
+    folder = tmp_path_factory.mktemp("day")
+    return folder, taught(folder, files, "day.csv")
+
+
+@pytest.fixture(scope="module")
+def both_learnt(files, tmp_path_factory) -> Path:
+    """A folder in which mine.toml has learnt from day.csv and test.csv; nobody writes into it."""
+    folder = tmp_path_factory.mktemp("both")
+    taught(folder, files, "day.csv", "test.csv")
+    return folder
 
 
 def interrupt_after(count: int, monkeypatch) -> None:
@@ -43,26 +77,26 @@ def interrupt_after(count: int, monkeypatch) -> None:
     monkeypatch.setattr(learning, "learn", learn)
 
 
-def test_a_log_narrows_the_file_and_the_file_before_stays(label, as_json):
-    shutil.copy("label.toml", "mine.toml")
-    found = as_json("learn", "day.csv", "--battery", "mine.toml", "-o", "mine.toml", "--report", "learn.html")
+def test_a_log_narrows_the_file_and_the_file_before_stays(day_learnt):
+    folder, found = day_learnt
     assert (found["learnt"], found["seen"], found["set_aside"]) == (1, 0, 0)
     (file,) = found["files"]
-    assert file["backup"] == "mine.toml.bak"
-    assert Path("mine.toml.bak").read_text() == Path("label.toml").read_text()
+    assert file["backup"] == str(folder / "mine.toml.bak")
+    assert (folder / "mine.toml.bak").read_text() == (folder / "label.toml").read_text()
     before, after = file["before"], file["after"]
     assert after["resistance_ohm"]["std"] < 0.5 * before["resistance_ohm"]["std"]
     assert after["ocv_std_V"] < before["ocv_std_V"]
     assert after["logs"] == 1 and after["hours"] == pytest.approx(2.0, abs=0.01)
     truth = battery().thevenin
     assert truth is not None
-    known = load_battery("mine.toml")
+    known = load_battery(folder / "mine.toml")
     assert known.capacity_Ah == pytest.approx(truth.capacity_Ah, rel=0.05)
-    assert sorted(path.name for path in label.iterdir() if path.name.startswith(".")) == []
+    assert sorted(path.name for path in folder.iterdir() if path.name.startswith(".")) == []
 
 
-def test_json_has_the_keys_of_the_page(label, as_json):
-    found = as_json("learn", "day.csv", "--battery", "label.toml")
+def test_json_has_the_keys_of_the_page_and_a_start_for_a_log_that_is_not_there_is_named(label, as_json):
+    found = as_json("learn", "day.csv", "--battery", "label.toml", "--initial-soc", "dya=0.9")
+    assert found["notes"] == ["warning: --initial-soc dya: there is no log of this name"]
     assert set(found) == KEYS
     (file,), (log,) = found["files"], found["logs"]
     assert set(file) == FILE_KEYS and set(file["before"]) == set(file["after"]) == STATE_KEYS
@@ -71,11 +105,11 @@ def test_json_has_the_keys_of_the_page(label, as_json):
     assert file["output"] is None and not file["written"]
 
 
-def test_a_log_that_was_learnt_is_not_counted_again(label, as_json):
-    as_json("learn", "day.csv", "--battery", "label.toml", "-o", "once.toml")
-    found = as_json("learn", "day.csv", "--battery", "once.toml", "-o", "twice.toml")
+def test_a_log_that_was_learnt_is_not_counted_again(here, day_learnt, as_json):
+    once = day_learnt[0] / "mine.toml"
+    found = as_json("learn", "day.csv", "--battery", str(once), "-o", "twice.toml")
     assert found["seen"] == 1 and found["logs"][0]["reason"] == "the battery has learnt from it before"
-    assert Path("twice.toml").read_text() == Path("once.toml").read_text()
+    assert Path("twice.toml").read_text() == once.read_text()
 
 
 def test_a_test_that_identified_the_battery_does_not_teach_it_once_more(label, as_json):
@@ -85,27 +119,21 @@ def test_a_test_that_identified_the_battery_does_not_teach_it_once_more(label, a
     assert [log["verdict"] for log in found["logs"]] == ["seen", "learnt"]
 
 
-def test_a_start_for_a_log_that_is_not_there_is_named(label, as_json):
-    found = as_json("learn", "day.csv", "--battery", "label.toml", "--initial-soc", "dya=0.9")
-    assert found["notes"] == ["warning: --initial-soc dya: there is no log of this name"]
-
-
 def test_a_dry_run_writes_no_battery_file(label, capsys):
     assert main(["learn", "day.csv", "--battery", "label.toml", "-o", "new.toml", "--dry-run"]) == 0
     assert "No battery file written: --dry-run." in capsys.readouterr().out
     assert not Path("new.toml").exists() and not list(label.glob(".*"))
 
 
-def test_an_interrupted_run_goes_on_and_ends_with_the_same_file(label, as_json, monkeypatch):
+def test_an_interrupted_run_goes_on_and_ends_with_the_same_file(label, both_learnt, as_json, monkeypatch):
     words = ("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o")
-    as_json(*words, "whole.toml")
     with monkeypatch.context() as context:
         interrupt_after(1, context)
         assert main([*words, "part.toml"]) == 130
     assert not Path("part.toml").exists()
     found = as_json(*words, "part.toml")
     assert found["resumed"] == 1 and found["learnt"] == 2
-    assert Path("part.toml").read_text() == Path("whole.toml").read_text()
+    assert Path("part.toml").read_text() == (both_learnt / "mine.toml").read_text()
 
 
 def test_a_run_with_other_options_begins_anew(label, as_json, monkeypatch):
@@ -139,7 +167,7 @@ def bad_logs(folder: Path) -> None:
     (folder / "words.csv").write_text("nothing\nto see\n")
 
 
-def test_bad_logs_are_set_aside_with_their_reasons_and_the_file_stays(label, capsys, as_json):
+def test_bad_logs_are_set_aside_with_their_reasons_on_the_page_too_and_the_file_stays(label, capsys, as_json):
     bad_logs(label)
     shutil.copy("label.toml", "mine.toml")
     logs = ["sign.csv", "cells.csv", "stuck.csv", "clock.csv", "words.csv"]
@@ -158,14 +186,8 @@ def test_bad_logs_are_set_aside_with_their_reasons_and_the_file_stays(label, cap
         assert reason in text
     assert Path("mine.toml").read_text() == Path("label.toml").read_text()
     assert not Path("mine.toml.bak").exists()
-    found = as_json("learn", *logs, "day.csv", *options)
+    found = as_json("learn", *logs, "day.csv", *options, "--report", "learn.html")
     assert found["set_aside"] == 5 and found["learnt"] == 1
-
-
-def test_the_page_shows_before_and_after_and_what_was_set_aside(label, as_json):
-    bad_logs(label)
-    words = ("learn", "day.csv", "sign.csv", "--current-sign", "charge", "--battery", "label.toml")
-    as_json(*words, "--report", "learn.html")
     page = Path("learn.html").read_text(encoding="utf-8")
     for part in (
         "Open-circuit voltage",
@@ -218,14 +240,13 @@ def test_a_log_of_two_batteries_needs_a_choice(label, as_json):
     assert found["files"][0]["serial_number"] == "B2"
 
 
-def test_the_file_no_longer_says_what_it_has_learnt_since(label, as_json, capsys):
-    as_json("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o", "new.toml")
-    everything, capacity, resistances, *_ = load_battery("new.toml").not_identified
+def test_the_file_no_longer_says_what_it_has_learnt_since(here, both_learnt, as_json):
+    new = load_battery(both_learnt / "mine.toml")
+    everything, capacity, resistances, *_ = new.not_identified
     assert everything.startswith("everything that no log has shown: start values that cells of lithium nickel")
     assert capacity.endswith("(95 %) from 2 logs")
     assert resistances.startswith("resistances: learnt within a factor of 1.")
-    assert main(["doctor", "new.toml"]) == 0
-    assert "learnt from     2 logs, 6.0 h" in capsys.readouterr().out
+    assert sources(new)["learnt from"] == "2 logs, 6.0 h"
     as_json("learn", "test.csv", "--battery", "battery.toml", "-o", "tested.toml")
     assert load_battery("tested.toml").not_identified == load_battery("battery.toml").not_identified
 

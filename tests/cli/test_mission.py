@@ -104,7 +104,7 @@ def test_after_a_log_the_plan_begins_where_it_ends(there, as_json):
 @pytest.mark.slow
 def test_wheels_and_motors_give_a_split_that_adds_up(there, capsys, as_json):
     hill = (ROOT / "lab/ohmward_lab/simulate/scenarios/hill.toml").read_text()
-    half = hill.replace("duration_s = 20.0", "duration_s = 10.0").replace("from_s = 10.0", "from_s = 6.0")
+    half = hill.replace("duration_s = 20.0", "duration_s = 6.0").replace("from_s = 10.0", "from_s = 4.0")
     (there / "half.toml").write_text(half)
     assert main(["simulate", "half.toml", "-o", "hill.csv"]) == 0
     assert main(["generic", "--chemistry", "lead-acid", "--capacity-ah", "12", "--n-series", "6", "-o", "la.toml"]) == 0
