@@ -80,12 +80,13 @@ class Packs:
         waiting = list(waiting)
         while waiting:
             pack = waiting.pop()
-            if key_of(pack) in self.arguments or not self.is_like(pack):
+            key = key_of(pack)
+            if key in self.arguments or not self.is_like(pack):
                 continue
-            self.operations[key_of(pack)] = pack
-            self.arguments[key_of(pack)] = self.forms.arguments_of(pack)
+            self.operations[key] = pack
+            self.arguments[key] = self.forms.arguments_of(pack)
             self._place(pack)
-            waiting += [a for a in self.arguments[key_of(pack)] if not is_one(a)]
+            waiting += [a for a in self.arguments[key] if not is_one(a)]
 
     def is_like(self, pack: Pack) -> bool:
         """True for the same operation in every lane, of different nodes, with arguments that can be paired."""
@@ -95,8 +96,9 @@ class Packs:
         if first.operation is INPUT:
             return False
         arguments = self.forms.arguments_of(pack)
-        paired = {key_of(a)[0]: key_of(a) for a in reversed(arguments)}
-        if any(paired[key_of(a)[0]] != key_of(a) for a in arguments):
+        keys = [key_of(a) for a in arguments]
+        paired = {key[0]: key for key in reversed(keys)}
+        if any(paired[key[0]] != key for key in keys):
             return False  # one scalar of the first lane would stand for two vectors
         return first.operation.name != "gather" or self.is_like_gather(*arguments)
 
@@ -107,8 +109,9 @@ class Packs:
         return is_one(table) and len(whole) == 1 and (self.is_like(index) or whole == {False})
 
     def _place(self, pack: Pack) -> None:
+        key = key_of(pack)
         for lane, x in enumerate(pack):
-            self.lane.setdefault(x.serial, (key_of(pack), lane))
+            self.lane.setdefault(x.serial, (key, lane))
 
     @cached_property
     def order(self) -> tuple[Any, ...] | None:
@@ -160,7 +163,7 @@ class Packs:
 
 def key_of(pack: Pack) -> Key:
     """Key of a pack: serials of its nodes, values of its constants."""
-    return tuple(x.serial if isinstance(x, Expression) else ("constant", constant_key(x)) for x in pack)
+    return tuple([x.serial if isinstance(x, Expression) else ("constant", constant_key(x)) for x in pack])
 
 
 def is_one(pack: Pack) -> bool:
@@ -199,7 +202,9 @@ class _Forms:
             for member, x in enumerate(pack):
                 self._form[x.serial], self._member[x.serial] = self._number(("input", k)), member
         for node in self.program.nodes:
-            members = {self._member[x.serial] for x in node.args if self._is_on_one(x)}
+            members = {
+                self._member[x.serial] for x in node.args if isinstance(x, Expression) and x.serial in self._member
+            }
             if len(members) == 1 and node.serial not in self._shared:
                 self._take_up(node, *members)
 
@@ -230,9 +235,6 @@ class _Forms:
             if len(nodes) == members and len({len(of_one) for of_one in nodes.values()}) == 1:
                 yield nodes
 
-    def _is_on_one(self, x: Any) -> bool:
-        return isinstance(x, Expression) and x.serial in self._member
-
     def _number(self, shape: Any) -> int:
         return self._numbers.setdefault(shape, len(self._numbers))
 
@@ -250,11 +252,9 @@ class _Forms:
     def arguments_of(self, pack: Pack) -> tuple[Pack, ...]:
         """Arguments of a pack of operations, those of commutative ones in the order in which they pair best."""
         first, *others = (x.args for x in pack)
-        ordered = [first]
-        for args in others:
-            turned = args[::-1] if pack[0].operation.commutative else args
-            ordered.append(max((args, turned), key=lambda a: sum(map(self.likeness, first, a))))
-        return tuple(zip(*ordered, strict=True))
+        if pack[0].operation.commutative:
+            others = [max((args, args[::-1]), key=lambda a: sum(map(self.likeness, first, a))) for args in others]
+        return tuple(zip(first, *others, strict=True))
 
     def likeness(self, a: Any, b: Any) -> int:
         """3 for the same form, 1 for the same operation, else 0."""
