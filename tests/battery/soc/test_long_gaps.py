@@ -127,7 +127,8 @@ def test_what_is_stored_at_the_end_only_is_one_value_also_after_a_gap():
     log, _, _ = charged_unseen("lfp")
     along, at_end = (SocEstimator(label("lfp"), 0.8).run(log, learnt_along=given) for given in (True, False))
     assert at_end.soh_capacity.shape == (1,)
-    assert at_end.soh_capacity[0] == along.soh_capacity[-1]
+    # the second run may be the one with which the filter's logs have become worth machine code
+    assert at_end.soh_capacity[0] == pytest.approx(along.soh_capacity[-1], rel=1e-9)
     pytest.importorskip("pandas")
     frame = at_end.to_pandas()
     assert len(frame) == len(log) and "soc" in frame and "soh_capacity" not in frame

@@ -61,13 +61,19 @@ def check(estimates, soc, rmse=0.03, largest=0.08, settled_share=0.1):
     assert std.mean() < 0.08
 
 
-@pytest.mark.parametrize("start", [0.0, None])
-def test_lfp_cell_charged_until_it_is_full(start):
-    """Beyond the plateau it rises a hundredth of SoC earlier than in the low-rate test of its file."""
+@pytest.fixture(scope="module")
+def tested_lfp():
+    """A battery from low-rate tests and half a drive of a measured cell, and a charge of that cell."""
     slow, drives = measured("plett_a123_lfp/a123_ocv.parquet"), measured("plett_a123_lfp/a123_dyn.parquet")
     drive, charge = (part(drives, script, -1.0) for script in (1.0, 3.0))
     tests = [part(slow, 1.0), part(slow, 3.0), drive.select(slice(0, len(drive) // 2))]
-    battery = identify(tests, capacity_Ah=2.03, chemistry="lfp")
+    return identify(tests, capacity_Ah=2.03, chemistry="lfp"), charge
+
+
+@pytest.mark.parametrize("start", [0.0, None])
+def test_lfp_cell_charged_until_it_is_full(tested_lfp, start):
+    """Beyond the plateau it rises a hundredth of SoC earlier than in the low-rate test of its file."""
+    battery, charge = tested_lfp
     moved_Ah = charge.extra["chg_Ah"] - charge.extra["dis_Ah"]
     found = SocEstimator(battery, start).run(charge).estimates
     check(found, 1.0 + (moved_Ah - moved_Ah[-1]) / 2.03)
