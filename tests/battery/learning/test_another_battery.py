@@ -2,11 +2,13 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from cli.examples import MODEL
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.learn import learn_log
@@ -30,17 +32,23 @@ def day(model: Thevenin, seed: int, name: str = "") -> Log:
     return replace(log, voltage_V=voltage_V, current_A=current_A + 0.02 * rng.standard_normal(time_s.size))
 
 
+@cache
+def taught_by(*seeds: int) -> Battery:
+    """The battery of a label after these days of the example's, each of which it has learnt from."""
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, seed) for seed in seeds])
+    assert [update.verdict for update in learnt.updates] == ["learnt"] * len(seeds)
+    return learnt.battery
+
+
 def pulse_ohm(model: Thevenin) -> float:
     """Resistance to ten seconds of current; the resistances of the example are the same at every SoC."""
     pairs = zip(model.r_ohm, model.tau_s, strict=True)
     return model.r0_discharge_ohm[0] + sum(row[0] * (1 - np.exp(-10.0 / tau_s)) for row, tau_s in pairs)
 
 
-@pytest.fixture(scope="module")
-def taught():
-    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1), day(MODEL, 2)])
-    assert [update.verdict for update in learnt.updates] == ["learnt", "learnt"]
-    return learnt.battery
+@pytest.fixture
+def taught() -> Battery:
+    return taught_by(1, 2)
 
 
 def test_a_third_day_of_the_same_battery_is_learnt(taught):

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import pulse_log
-from battery.learning.test_another_battery import day
+from battery.learning.test_another_battery import day, taught_by
 from battery.learning.test_learn import difference_in_sigmas
 from cli.examples import MODEL
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.fold import known, ocv_std_V, pulse_ohm
@@ -29,7 +28,7 @@ def batteries() -> dict[str, Battery]:
     return {
         "test": tested,
         "day, identified": identified(DAY),
-        "day, learnt": learn(generic_battery("nmc", 12.0, 3), [DAY]).battery,
+        "day, learnt": taught_by(1),
         "test and day, identified": identified(PULSES, DAY),
         "day and test, identified": identified(DAY, PULSES),
         "test, then day": learn(tested, [DAY]).battery,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.learning.test_another_battery import day
+from battery.learning.test_another_battery import day, taught_by
 from cli.examples import MODEL
 from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import generic_battery
@@ -171,10 +171,7 @@ def test_what_was_learnt_has_the_date_of_the_last_log_that_has_one():
 
 
 def test_the_order_of_the_logs_does_not_matter():
-    label = generic_battery("nmc", 12.0, 3)
-    one = learn(label, [day(MODEL, 1), day(MODEL, 2)]).battery
-    two = learn(label, [day(MODEL, 2), day(MODEL, 1)]).battery
-    assert difference_in_sigmas(one, two) < 0.3
+    assert difference_in_sigmas(taught_by(1, 2), taught_by(2, 1)) < 0.3
 
 
 def test_logs_with_a_clock_are_taken_in_its_order():
@@ -204,7 +201,7 @@ def test_a_start_that_no_log_can_have_is_refused(initial_soc, message):
 
 
 def test_a_parameter_that_became_exact_leaves_the_others_as_they_were_learnt():
-    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1)]).battery
+    learnt = taught_by(1)
     exact = replace(learnt, noise=replace(learnt.noise, ocv_slip_std=0.0))
     names = parameters_of(exact).names
     assert learnt.knowledge is not None and set(learnt.knowledge.names) - set(names) == {"ocv_slip"}
@@ -213,17 +210,16 @@ def test_a_parameter_that_became_exact_leaves_the_others_as_they_were_learnt():
 
 
 def test_a_log_that_is_cut_in_two_teaches_the_same():
-    label, log = generic_battery("nmc", 12.0, 3), day(MODEL, 1)
+    log = day(MODEL, 1)
     middle_s = float(log.time_s[len(log) // 2])
     parts = [log.between(0.0, middle_s), log.between(middle_s, np.inf)]
     parts = [replace(part, name=f"part {k}") for k, part in enumerate(parts)]
-    whole, cut = learn(label, [log]).battery, learn(label, parts).battery
-    assert difference_in_sigmas(whole, cut) < 0.6
+    cut = learn(generic_battery("nmc", 12.0, 3), parts).battery
+    assert difference_in_sigmas(taught_by(1), cut) < 0.6
 
 
 def test_the_same_log_does_not_count_twice(tmp_path):
-    label = generic_battery("nmc", 12.0, 3)
-    once = learn(label, [day(MODEL, 1)]).battery
+    once = taught_by(1)
     save_battery(once, tmp_path / "battery.toml")
     stored = load_battery(tmp_path / "battery.toml")
     twice = learn(stored, [day(MODEL, 1)])
@@ -236,7 +232,7 @@ def test_the_same_log_does_not_count_twice(tmp_path):
 
 def test_a_knot_that_the_file_did_not_know_follows_its_neighbours():
     """As of a file that learnt when the curve had fewer knots: it goes on learning, and no knot is free."""
-    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1)]).battery
+    learnt = taught_by(1)
     before, matrix = learnt.knowledge, prior_covariance(learnt)
     assert before is not None
     names = before.names
