@@ -2,6 +2,7 @@
 
 import gc
 import os
+from dataclasses import replace
 
 import pytest
 from hypothesis import settings
@@ -20,6 +21,21 @@ settings.load_profile("ohmward")
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than processors: tests of the process on the robot wait for servers and clocks."""
     return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+
+
+@pytest.fixture
+def short_drives(monkeypatch):
+    """Simulated drives in which all comes in two fifths of the time: each second takes one of a processor."""
+    from ohmward_lab.simulate import closed_loop
+
+    whole = closed_loop.find_scenario
+
+    def short(name):
+        found = whole(name)
+        commands = tuple(replace(command, from_s=0.4 * command.from_s) for command in found.commands)
+        return replace(found, duration_s=0.4 * found.duration_s, commands=commands)
+
+    monkeypatch.setattr(closed_loop, "find_scenario", short)
 
 
 @pytest.fixture(scope="module")

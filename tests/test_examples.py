@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import ohmward as ow
+from markdown_pages import ROOT
 from ohmward.cli.main import main
 
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -27,7 +28,10 @@ def files(tmp_path_factory):
     ow.write_log(ow.make_robot_day("lfp", seed=2).mission, folder / "next-day.csv")
     battery, drive, table = (str(folder / name) for name in ("battery.toml", "drive.csv", "table.toml"))
     ow.save_battery(ow.identify(day.pulse_test, capacity_Ah=12, chemistry="lfp", n_series=4), battery)
-    assert main(["simulate", "onto-ice", "-o", drive]) == 0
+    onto_ice = (ROOT / "lab/ohmward_lab/simulate/scenarios/onto-ice.toml").read_text(encoding="utf-8")
+    short = onto_ice.replace("duration_s = 10.0", "duration_s = 4.0").replace("from_s = 5.0", "from_s = 2.0")
+    (folder / "onto-ice.toml").write_text(short, encoding="utf-8")
+    assert main(["simulate", str(folder / "onto-ice.toml"), "-o", drive]) == 0
     options = ("--battery", battery, "--current-sign", "charge", "--terrain", "grass")
     assert main(["mission", drive, "--robot", "rlma", *options, "-o", table]) == 0
     ow.save_robot(ow.load_robot("turtlebot4"), folder / "robot.toml")

@@ -35,7 +35,7 @@ def test_it_has_a_program_commands_and_links():
 
 
 @pytest.mark.slow
-def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch, capsys):
+def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, short_drives, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     day = make_robot_day("lfp")
     write_log(day.pulse_test, "test.csv")

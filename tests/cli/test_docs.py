@@ -19,7 +19,7 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 @pytest.mark.parametrize("page", ["command-line.md", "tutorial.md"])
-def test_command_lines_can_be_pasted_one_after_the_other(page, here, monkeypatch, capsys):
+def test_command_lines_can_be_pasted_one_after_the_other(page, here, short_drives, monkeypatch, capsys):
     monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ("coulomb", "ekf"))
     for line in (line for block in blocks(page, "bash") for line in block.splitlines()):
         (program, *words), file = redirected(shlex.split(line))
