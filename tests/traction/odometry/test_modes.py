@@ -62,7 +62,7 @@ def kernel_with_modes(settings):
         after, estimate = settings.step(state, sample)
         return after, (estimate, after.motion.modes.probability)
 
-    return Kernel(both, settings.init(nothing), nothing)
+    return Kernel(both, settings.init(nothing), nothing, lowering="machine")
 
 
 def run(settings, given):
