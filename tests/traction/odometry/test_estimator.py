@@ -84,8 +84,8 @@ def drive_without_currents(step_s, encoder_std_rad_s, speed_every_s=None):
 def test_an_observer_without_motor_currents_adds_nothing(step_s, encoder_std_rad_s, speed_every_s):
     """Its wide bands would keep wheels and gyro from being compared, and the gyro's offset from being learnt."""
     drive, turned_rad = drive_without_currents(step_s, encoder_std_rad_s, speed_every_s)
-    observed = SlipEstimator(RLMA, filter="ekf").run(drive).estimates
-    run, alone = Odometry(RLMA).run(drive, observed), Odometry(RLMA).run(drive)
+    observed = SlipEstimator(RLMA, filter="ekf", lowering="machine").run(drive).estimates
+    run, alone = (Odometry(RLMA, "machine").run(drive, given) for given in (observed, None))
     assert_allclose(run.x_m, alone.x_m, atol=1e-12)
     assert_allclose(run.pose_cov, alone.pose_cov, atol=1e-15)
     assert run.gyro_offset_rad_s[-1] == pytest.approx(0.01, abs=0.003)
