@@ -48,6 +48,16 @@ def test_another_battery_is_refused(share):
         check_log(log(share * BATTERY.voltage_max_V), BATTERY)
 
 
+@pytest.mark.parametrize(("current_A", "refused"), [(-36.0, False), (-36e3, True), (math.nan, False)])
+def test_a_current_that_no_battery_of_the_capacity_carries_is_refused(current_A, refused):
+    driven = replace(log(BATTERY.voltage_max_V), current_A=np.full(TIME_S.size, current_A))
+    if not refused:
+        assert check_log(driven, BATTERY) is driven
+        return
+    with pytest.raises(InputError, match=r"3000 times the capacity of battery .*--unit current=mA"):
+        check_log(driven, BATTERY)
+
+
 def test_a_temperature_that_the_tests_do_not_show_is_a_warning_and_no_refusal():
     usual_V = 0.5 * (BATTERY.voltage_min_V + BATTERY.voltage_max_V)
     warm = replace(log(usual_V), temperature_degC=np.full(100, 20.0))

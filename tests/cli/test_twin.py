@@ -64,6 +64,24 @@ def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys
         assert words in text
 
 
+@pytest.mark.parametrize(
+    ("scale", "fault"),
+    [
+        ((1.0, 1.0), ""),
+        ((1e3, 1.0), "half of the voltages are missed by more than"),
+        ((1.0, 3.0), "its battery shows no voltage like the"),
+    ],
+)
+def test_a_log_that_the_library_does_not_fit_is_named(library, as_json, scale, fault):
+    rows = np.genfromtxt("day.csv", delimiter=",", names=True)
+    header = "time_s,current_A,voltage_V"
+    columns = (rows["time_s"], scale[0] * rows["current_A"], scale[1] * rows["voltage_V"])
+    np.savetxt("other.csv", np.transpose(columns), delimiter=",", header=header, comments="")
+    notes = as_json("twin", "firmware", "other.csv", "--current-sign", "charge")["notes"]
+    found = [note for note in notes if "the library does not fit the log" in note]
+    assert len(found) == bool(fault) and fault in "".join(found)
+
+
 def test_a_drive_needs_its_robot(here, as_json, capsys, monkeypatch):
     flags = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)  # which compiles in a tenth of the time
     monkeypatch.setattr("ohmward.embedded.twin.FLAGS", flags)

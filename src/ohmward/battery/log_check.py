@@ -31,6 +31,8 @@ from ohmward.signals.survey import running_median
 OTHER_BATTERY = 0.2
 #: and single ones that are worth a warning.
 BEYOND_TESTS = 0.02
+#: No battery carries this current, in multiples of the capacity per hour, for a hundredth of a log.
+_IMPOSSIBLE_C, _USUALLY_BELOW = 100.0, 0.99
 #: A charger holds a battery above its open-circuit voltage, but not by this share for most of a log.
 ABOVE_FULL = 0.1
 #: A load pulls a battery below its open-circuit voltage. More than this share above that of a full battery are only the
@@ -85,8 +87,17 @@ def check_log(log: Log, battery: Battery) -> Log:
     Likewise where the resistance at its temperatures is uncertain.
 
     Raises:
-        InputError: the median voltage is more than 20 % outside: another battery, or another unit.
+        InputError: the median voltage is more than 20 % outside, or no battery of this capacity carries the current:
+            another battery, or another unit.
     """
+    current_A = np.abs(log.current_A[np.isfinite(log.current_A)])
+    most_A = float(np.quantile(current_A, _USUALLY_BELOW)) if current_A.size else 0.0
+    if most_A > _IMPOSSIBLE_C * battery.capacity_Ah:
+        raise InputError(
+            f"{log.name}: its current reaches {most_A:.4g} A, {most_A / battery.capacity_Ah:.0f} times the capacity of "
+            f"battery {battery.name!r}, {battery.capacity_Ah:g} Ah, an hour; is it a log of another battery, or in "
+            "another unit (--unit current=mA, units={'current': 'mA'})?"
+        )
     low_V, high_V = battery.voltage_min_V, battery.voltage_max_V
     usual_V = float(np.nanmedian(log.voltage_V))
     if not (1 - OTHER_BATTERY) * low_V <= usual_V <= (1 + OTHER_BATTERY) * high_V:

@@ -40,6 +40,8 @@ AFTER_EMPTY_SOC, MOST_AFTER_EMPTY = 0.02, 0.15
 MOST_MOVED, MOST_COUNTED, COUNTED_STD = 3.5, 0.1, 0.2
 #: Number of estimates along a log that are compared; none across samples with these flags.
 _COMPARED, _APART = 500, SocFlag.GAP | SocFlag.RESTARTED | SocFlag.DIVERGED | SocFlag.NO_CURRENT
+#: A filter with the right battery misses half of the voltages by less than this share of them.
+MOST_MISSED = 0.05
 #: Fewer innovations are too few for a mean.
 LEAST_INNOVATIONS = 100
 #: Larger innovations, in their standard deviations, count as this: the limit of the filters' gate.
@@ -85,6 +87,24 @@ def _needed(
     if (excess := lasting_error(log.time_s, estimates)) > MOST_EXCESS:
         needed.append(f"errors of the voltage {excess:.1f} times as large as the file expects")
     return needed
+
+
+def voltage_missed(voltage_V: np.ndarray, estimates: SocEstimate) -> tuple[Note, ...]:
+    """A warning where a filter without its battery file, as on a microcontroller, never comes near the voltage.
+
+    voltage_V: (T,) of the log.
+    """
+    known = np.isfinite(voltage_V)
+    used = np.isfinite(estimates.innovation_V[known])
+    usual_V = float(np.median(np.abs(voltage_V[known]))) if known.any() else 0.0
+    missed_V = float(np.median(np.abs(estimates.innovation_V[known][used]))) if used.any() else 0.0
+    if used.any() and missed_V > MOST_MISSED * usual_V:
+        fault = f"half of the voltages are missed by more than {missed_V:.3g} V of {usual_V:.4g} V"
+    elif known.any() and not used.any() and np.isfinite(estimates.voltage_V).any():
+        fault = f"its battery shows no voltage like the {usual_V:.4g} V of the log, which is not used"
+    else:
+        return ()
+    return (Note(f"the library does not fit the log, do not trust its estimate: {fault}; {OTHER_FILE}", "warning"),)
 
 
 def given_after_empty(battery: Battery, charge_Ah: np.ndarray, estimates: SocEstimate) -> float:

@@ -7,6 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
+from ohmward.battery.soc.fit_check import voltage_missed
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import drive_options
 from ohmward.cli.outcome import Outcome, check_output
@@ -26,6 +27,8 @@ from ohmward.traction.motion.sample import samples_of as drive_samples_of
 
 #: A member that only samples of a battery have, and one that only samples of a drive have.
 _BATTERY, _DRIVE = "voltage_V", "wheel_speed_rad_s"
+#: Members of the output of a filter that predicts the voltage.
+_PREDICTED = {"voltage_V", "innovation_V"}
 
 
 class Replay(NamedTuple):
@@ -88,13 +91,15 @@ def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
     outputs = twin.run(replay.samples)
     seconds = time.perf_counter() - began
     columns, export = output_columns(outputs), replay.export
+    log = replay.log
+    warnings = voltage_missed(log.voltage_V, outputs) if isinstance(log, Log) and columns.keys() >= _PREDICTED else ()
     if output:
-        write_table({"time_s": replay.log.time_s} | columns, output)
+        write_table({"time_s": log.time_s} | columns, output)
     return {
         "command": "twin",
         "name": twin.name,
-        "log": replay.log.name,
-        "steps": len(replay.log),
+        "log": log.name,
+        "steps": len(log),
         "seconds": seconds,
         "final": {name: float(column[-1]) for name, column in columns.items()},
         "flags": twin.flag_counts(outputs),
@@ -102,7 +107,7 @@ def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
         "differences": compare(twin, export, outputs, replay.samples, tuple(replay.arguments.values()))
         if export
         else None,
-        "notes": [str(note) for note in replay.log.notes],
+        "notes": [str(note) for note in (*log.notes, *warnings)],
     }
 
 
