@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import unicodedata
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -84,9 +85,14 @@ class Quantity(NamedTuple):
         return self.axis_label or f"{self.label} [{self.unit}]"
 
 
+def unaccented(text: str) -> str:
+    """The text without accents, as many loggers write it: `tensão` as `tensao`."""
+    return "".join(char for char in unicodedata.normalize("NFKD", text) if not unicodedata.combining(char))
+
+
 def words_of(*names: str) -> frozenset[frozenset[str]]:
-    """Names of a quantity as sets of words."""
-    return frozenset(frozenset(name.split()) for name in names)
+    """Names of a quantity as sets of words, without accents."""
+    return frozenset(frozenset(unaccented(name).split()) for name in names)
 
 
 def each_with_each(first: str, second: str) -> list[str]:
@@ -117,7 +123,7 @@ _TABLE = (
         words_of("current", "i", "cur", "curr", "ipack", "amp", "amps", "ampere", "amperes", "amperage",
                  "ibat", "ibus", "ibatt", "iinst", "itot", *(f"{part}strom" for part in _GERMAN),
                  "courant", "intensité", "corriente", "intensidad", "corrente", "intensità", "intensidade", "prąd",
-                 "ток", "电流", "总电流", "充放电电流", "電流", "전류"),
+                 "proud", "stroom", "akım", "ток", "电流", "总电流", "充放电电流", "電流", "전류"),
         "A or mA", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="current",
         axis_label="Current [A], > 0 charges",
     ),
@@ -126,7 +132,7 @@ _TABLE = (
         words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
                  "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe",
                  *(f"{part}spannung" for part in _GERMAN), "tension", "tensión", "voltaje", "tensione", "tensão",
-                 "napięcie", "напряжение", "电压", "总电压", "总压", "电池电压", "电池组电压",
+                 "spänning", "gerilim", "napětí", "napięcie", "напряжение", "电压", "总电压", "总压", "电池电压", "电池组电压",
                  "電圧", "電壓", "전압"),
         "V or mV", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="voltage",
     ),
@@ -134,7 +140,8 @@ _TABLE = (
         "battery_temperature_degC", "temperature of the battery", "battery", "degC",
         ValueLimits(-60.0, 120.0),  # sensors say -127 or -273 when their wire is off
         words_of("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
-                 *(f"{part}temperatur" for part in _GERMAN), "température", "temperatura", "температура",
+                 *(f"{part}temperatur" for part in _GERMAN), "température", "temperatura", "temperatuur", "teplota",
+                 "sıcaklık", "температура",
                  "温度", "电池温度", "溫度", "온도"),
         "degC, K or degF", ros_type=_BATTERY_STATE, ros_field="temperature", axis_label="Temperature [°C]",
     ),

@@ -1,4 +1,5 @@
 import time
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -164,8 +165,13 @@ def test_advice_on_a_date_is_in_its_own_notation(cell, written):
 
 
 def test_a_date_that_may_be_read_in_two_ways_comes_with_a_format_that_works():
-    (note,) = clock(text("10.03.2026 08:00:00", "10.03.2026 08:00:01")).notes
-    assert "--time-format '%d.%m.%Y %H:%M:%S'" in str(note)
+    (note,) = clock(text("10/03/2026 08:00:00", "10/03/2026 08:00:01")).notes
+    assert "--time-format '%d/%m/%Y %H:%M:%S'" in str(note)
+
+
+@pytest.mark.parametrize("cell", ["10.03.2026 08:00:00", "10.03.26 08:00", "10.3.2026 08.00.00"])
+def test_between_points_the_day_is_first(cell):
+    assert clock(text(cell, cell)).start_unix_s == datetime(2026, 3, 10, 8, tzinfo=UTC).timestamp()
 
 
 def test_a_date_without_a_year_is_left_out_and_named():

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ohmward.logs.units import UNITS, Unit, unit_of
-from ohmward.quantities import QUANTITIES, Quantity, each_with_each, words_of
+from ohmward.quantities import QUANTITIES, Quantity, each_with_each, unaccented, words_of
 
 SIDES = frozenset(("left", "right"))
 CORNERS = SIDES | {"front", "rear"}
@@ -17,7 +17,7 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
     "l": ("left",), "r": ("right",), "back": ("rear",),
     **dict.fromkeys(("links", "linkes", "gauche", "izquierda", "sinistra"), ("left",)),
     **dict.fromkeys(("rechts", "rechtes", "droite", "derecha", "destra"), ("right",)),
-    **dict.fromkeys(("vorn", "vorne", "avant"), ("front",)), **dict.fromkeys(("hinten", "arrière"), ("rear",)),
+    **dict.fromkeys(("vorn", "vorne", "avant"), ("front",)), **dict.fromkeys(("hinten", "arriere"), ("rear",)),
     **dict.fromkeys(("fl", "lf"), ("front", "left")), **dict.fromkeys(("fr", "rf"), ("front", "right")),
     **dict.fromkeys(("rl", "bl", "lr", "lb"), ("rear", "left")),
     **dict.fromkeys(("rr", "br", "rb"), ("rear", "right")),
@@ -32,13 +32,13 @@ _WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])|(?<=\b[IUViuv])(?=avg\b)")
 
 
 def letters(stem: str) -> list[str]:
-    """Words of letters in lower case: `T1_Batt` as t, batt; `PackVoltage` as pack, voltage."""
-    return re.findall(r"[^\W\d_]+", _WITHIN.sub(" ", stem).lower())
+    """Words of letters in lower case, without accents: `T1_Batt` as t, batt; `PackVoltage` as pack, voltage."""
+    return re.findall(r"[^\W\d_]+", unaccented(_WITHIN.sub(" ", stem).lower()))
 
 
 def robot_words(stem: str) -> list[str]:
     """Words and numbers, abbreviations spelled out: `velL` as vel, left; `m1vel` as m, 1, vel."""
-    parts = re.findall(r"[A-Z]?[a-zäöü]+|[A-Z]+(?![a-z])|\d+", stem)
+    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", unaccented(stem))
     return [word for part in parts for word in _SPELLED_OUT.get(part.lower(), (part.lower(),))]
 
 
@@ -59,8 +59,8 @@ class Channel(NamedTuple):
 
 
 def word_set(text: str) -> frozenset[str]:
-    """The words of a text."""
-    return frozenset(text.split())
+    """The words of a text, without accents."""
+    return frozenset(unaccented(text).split())
 
 
 #: Words of what goes into a battery or a converter, and out of it.
@@ -69,7 +69,7 @@ IN, OUT = word_set("in input eingang"), word_set("out output ausgang")
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
-    "utc gmt inst instantaneous batterie batería bateria batteria akku baterii акб аккумулятора"
+    "utc gmt inst instantaneous batterie bateria batteria akku baterii акб аккумулятора"
 )
 # Words of columns that are used only if there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average last")
@@ -83,7 +83,7 @@ _BESIDE_BATTERY = (
 )
 _BESIDE_WHEELS = (
     word_set(
-        "wheel wheels whl motor mot mc esc m joint joints state states drive angular ang rim encoder enc measured meas "
+        "wheel wheels whl drivewhl hub base to rueda roue ruota motor mot mc esc m joint joints state states drive angular ang rim encoder enc measured meas "
         "actual act feedback fb service delta increment"
     ),
 )
@@ -123,7 +123,9 @@ TIME = Channel(
              "last updated", "test", "x value", "cumulative time", "absolute time", "record time", "system time",
              "uptime", "time of day", *(f"{part}zeit" for part in ("", "gesamt", "test", "prüf", "mess", "lauf")),
              "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
-             "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
+             "uhrzeit", "zeitpunkt", "heure", "date heure", "fecha", "hora", "fecha hora", "fecha y hora", "data hora",
+             "data e hora", "ora", "godzina", "tijd", "tid", "čas", "zaman", "tarih", "clock", "update time",
+             "custom update time", "時刻",
              "dpt time", "tst", "device time", "总时间", "测试时间", "累计时间", "绝对时间", "日期"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip

@@ -293,8 +293,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     # a bare `t` is a time; a temperature called `T` must carry its unit
     if channel is TEMPERATURE and unit is None and stem.lower() == "t":
         return _NEVER
-    # `T1` is a temperature, a column `test` without a unit is the number of a test
-    if channel is TIME and unit is None and (re.fullmatch(r"[tT]\d+", stem) or words == ["test"]):
+    # `T1` and `TS1` are temperatures, a column `test` without a unit is the number of a test
+    if channel is TIME and unit is None and (re.fullmatch(r"[tT][sS]?\d+", stem) or words == ["test"]):
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
         naming = [word for word in words if word not in beside]

@@ -54,7 +54,8 @@ _DURATION = re.compile(
     r"^\s*(?:(?P<d>\d+)(?:\s*d(?:ays?)?,?\s*|\.|\s+))?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)\s*$"
 )
 _ISO_DURATION = re.compile(r"^\s*P(?:(\d+)D)?(?:T(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?:\.\d*)?)S)?)?\s*$")
-#: Orders of three numbers; year first only with two digits each and without points between them.
+#: Orders of three numbers; with points between them the day is first everywhere, and the year is first only with two
+#: digits each.
 _ORDERS = ("dmy", "mdy", "ymd")
 #: Zero of Excel's serial dates, and their range [d], of the years 1955 to 2118.
 _EXCEL_ZERO_S = (date(1899, 12, 30).toordinal() - _EPOCH) * DAY_S
@@ -229,6 +230,8 @@ def _day_number(text: str, order: str) -> int:
         year, month, day = map(int, found.groups())
     elif found := _YEAR_LAST.match(text):
         if order == "ymd" and not re.fullmatch(r"\d\d([-/])\d\d\1\d\d", text):
+            raise ValueError(text)
+        if order == "mdy" and "." in text:
             raise ValueError(text)
         part = dict(zip(order, map(int, found.groups()), strict=True))
         year, month, day = part["y"], part["m"], part["d"]
