@@ -132,8 +132,8 @@ _TABLE = (
         words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
                  "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe",
                  *(f"{part}spannung" for part in _GERMAN), "tension", "tensión", "voltaje", "tensione", "tensão",
-                 "spänning", "gerilim", "napětí", "napięcie", "напряжение", "电压", "总电压", "总压", "电池电压", "电池组电压",
-                 "電圧", "電壓", "전압"),
+                 "spänning", "gerilim", "napětí", "napięcie", "напряжение",
+                 "电压", "总电压", "总压", "电池电压", "电池组电压", "電圧", "電壓", "전압"),
         "V or mV", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="voltage",
     ),
     Quantity(

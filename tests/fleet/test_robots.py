@@ -1,6 +1,8 @@
 """Robots of a fleet: whose log a file is, their logs in order of time through one estimator, and the alarms of each."""
 
+import re
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +62,18 @@ def test_a_log_without_the_column_of_the_robot_does_not_change_those_of_the_othe
     found = robots_of([*texts, other])
     assert (found.by, found.otherwise) == ("robot_id", (other,))
     assert found.logs == {"R0": texts[::2], "R1": texts[1::2], "noid": [other]}
+
+
+def test_a_column_that_is_named_ends_the_search_however_it_is_written(tmp_path):
+    """Names alike say nothing where the column was asked for: neither of logs nor of files that cannot be read."""
+    texts = [
+        write(tmp_path / f"log_{k}.csv", day(k, 0.9), **{("robot_id", "Robot ID")[k // 2]: "R0"}) for k in range(4)
+    ]
+    others = [write(tmp_path / f"log_{k}.csv", day(k, 0.9)) for k in (4, 5)]
+    (tmp_path / "log_6.csv").write_text("")
+    found = robots_of([*texts, *others, str(tmp_path / "log_6.csv")], "robot_id")
+    assert found.logs == {"R0": texts, "log_4": others[:1], "log_5": others[1:]}
+    assert (found.otherwise, found.unreadable) == (tuple(others), (str(tmp_path / "log_6.csv"),))
 
 
 def test_files_that_are_no_logs_do_not_change_the_robots_and_are_none(tmp_path):
@@ -150,6 +164,15 @@ def test_a_log_without_a_clock_among_others_is_refused_and_alone_they_follow_eac
     assert [log["error"] is None for log in row["logs"]] == [True, False, False]
     (row,) = job({"r": without}).run(["r x"])
     assert [log["error"] for log in row["logs"]] == [None, None]
+
+
+def test_a_date_that_is_left_out_is_named_where_it_is_missed(tmp_path):
+    dated = write(tmp_path / "a.csv", day(0, 0.9))
+    unsure = {name: values for name, values in day(1, 0.5).items() if name != "unix_time_s"}
+    moments = day(1, 0.5)["unix_time_s"].astype("M8[s]").astype(datetime)
+    dates = np.array([f"{moment:%d/%m/%Y %H:%M:%S}" for moment in moments], dtype=object)
+    (row,) = job({"r": [dated, write(tmp_path / "b.csv", {"date": dates} | unsure)]}).run(["r x"])
+    assert re.search("no wall clock.* may name the day or the month first.*--time-format", row["logs"][1]["error"])
 
 
 def test_the_battery_of_each_robot_is_learnt(tmp_path):

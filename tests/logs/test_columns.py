@@ -205,6 +205,7 @@ def test_every_notation_of_a_unit_reads_alike():
         (["Čas", "Napětí [V]", "Proud [A]"], ("Čas", None), ("Proud [A]", 1.0), ("Napětí [V]", 1.0)),
         (["tempo_ms", "tensao_V", "corrente_A"], ("tempo_ms", 1e-3), ("corrente_A", 1.0), ("tensao_V", 1.0)),
         (["clock", "U", "I"], ("clock", None), ("I", None), ("U", None)),
+        (["clock", "time", "U", "I"], ("time", None), ("I", None), ("U", None)),
         (["unix_s", "volt", "amp"], ("unix_s", 1.0), ("amp", None), ("volt", 1.0)),
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),

@@ -54,6 +54,9 @@ def test_every_wheel_has_its_column(names):
         ("Weg links [cm]", "Weg rechts [cm]"),
         ("Drehzahl_links", "Drehzahl_rechts"),
         ("vitesse_gauche", "vitesse_droite"),
+        ("drivewhl_l_joint velocity [rad/s]", "drivewhl_r_joint velocity [rad/s]"),
+        ("rueda_izquierda velocity [rad/s]", "rueda_derecha velocity [rad/s]"),
+        ("base_to_left_wheel velocity [rad/s]", "base_to_right_wheel velocity [rad/s]"),
     ],
 )
 def test_a_pair_serves_the_driven_wheels_of_its_side(left, right):

@@ -177,7 +177,8 @@ class RobotJob:
             return [_Dated(text, log, start_s) for (text, log), start_s in zip(read.items(), starts_s, strict=False)]
         for text, log in read.items():
             if log.start_unix_s is None:
-                rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
+                why = next((f" ({note.text})" for note in log.notes if "date is left out" in note.text), "")
+                rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one{why}")
         dated = sorted((first, text, log) for text, log in read.items() if (first := log.begin_unix_s) is not None)
         usable: list[_Dated] = []
         end_s, before = -math.inf, ""

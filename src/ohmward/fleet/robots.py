@@ -41,8 +41,9 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
     """Assign logs to their robots; a log that is unreadable or names no robot does not change those of the others.
 
     texts: names of logs, perhaps with a selection of their rows.
-    by: one of `WAYS`, or the name of a column; `auto`, the default, takes for each log the first that it has: a column
-        of robots, a serial number, a name before a date or number. If most logs have none of them, their folders count.
+    by: one of `WAYS`, or the name of a column, whose spaces and capitals may vary; logs without it are of no robot,
+        except those that cannot be read. `auto`, the default, takes for each log the first that it has: a column of
+        robots, a serial number, a name before a date or number. If most logs have none of them, their folders count.
         If no robot has several logs, each log counts as a robot.
 
     Raises:
@@ -58,12 +59,12 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
         raise InputError(f"by={by!r} (--by {by}): no log has {what}; name another column, or one of {', '.join(WAYS)}")
     labels = {text: label for text, file in files.items() if (label := _label(file, finds)) is not None}
     readable = [text for text, file in files.items() if text in labels or _has_rows(text, file)]
-    way = _way(readable, labels) if by == AUTO else FOLDER if by == FOLDER else NAME
+    way = _way(readable, labels) if by == AUTO else by if by in (NAME, FOLDER) else ALONE
     found = _assigned(readable, labels, way)
     is_split = any(len(label.robots) > 1 for label in labels.values())
     if by == AUTO and not is_split and all(len(logs) == 1 for logs in found.logs.values()):
         return _each_alone(texts)
-    return _with_unreadable(found, [text for text in texts if text not in readable], way)
+    return _with_unreadable(found, [text for text in texts if text not in readable], FOLDER if way == FOLDER else NAME)
 
 
 class _RobotLabel(NamedTuple):
@@ -84,7 +85,12 @@ def _finds(by: str) -> tuple[Find, ...]:
         return (serial_column,)
     if by in WAYS:
         return ()
-    return (lambda names: next((name for name in names if name.lower() == by.lower()), None),)
+    return (lambda names: next((name for name in names if _bare(name) == _bare(by)), None),)
+
+
+def _bare(name: str) -> str:
+    """The name of a column without capitals and separators: `robotid` of `Robot ID`."""
+    return re.sub(r"[\W_]+", "", name.casefold())
 
 
 def _label(file: TableFile, finds: Sequence[Find]) -> _RobotLabel | None:
@@ -131,16 +137,16 @@ def _assigned(readable: Sequence[str], labels: Mapping[str, _RobotLabel], way: s
             robots.setdefault(stem if stem in known or stem not in robots else text, []).append(text)
     ways = list(found_by.values())
     by = max(ways, key=ways.count, default=way)
-    return Robots(by, robots, tuple(text for text in readable if found_by.get(text) != by))
+    return Robots(by, robots, tuple(text for text in readable if _bare(found_by.get(text, "")) != _bare(by)))
 
 
 def _with_unreadable(found: Robots, texts: Sequence[str], way: str) -> Robots:
-    """The robots with the logs that cannot be opened: of a robot of the others, or of one that the name gives."""
+    """The robots with the logs that cannot be opened: of a robot of the others, or of one that names give."""
     robots = {robot: list(logs) for robot, logs in found.logs.items()}
     unknown = []
     for text in texts:
         robot = _ROBOT[way](text) or _stem(text)
-        if robot in found.logs or robot == _in_name(text):
+        if robot in found.logs or (found.by == NAME and robot == _in_name(text)):
             robots.setdefault(robot, []).append(text)
         else:
             unknown.append(text)

@@ -83,8 +83,8 @@ _BESIDE_BATTERY = (
 )
 _BESIDE_WHEELS = (
     word_set(
-        "wheel wheels whl drivewhl hub base to rueda roue ruota motor mot mc esc m joint joints state states drive angular ang rim encoder enc measured meas "
-        "actual act feedback fb service delta increment"
+        "wheel wheels whl drivewhl hub base to rueda roue ruota motor mot mc esc m joint joints state states drive "
+        "angular ang rim encoder enc measured meas actual act feedback fb service delta increment"
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)

@@ -38,6 +38,8 @@ _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
 _BARE_LETTER, _NUMBERED, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 2, 3, 3, 4, 5, 99
+#: Times by their names, but a processor's clock or a thread's id beside another time.
+_CLOCK_OR_ID = word_set("clock tid")
 _TEMPERATURES = word_set("temp temps tmp temperature")
 #: A temperature, if another column is the time.
 _TEMPERATURE = "T"
@@ -243,6 +245,7 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fractions = [fraction[0] for column in fits if (fraction := fraction_column(names, column.name))]
         fits = [column for column in fits if column.name not in fractions]
+        fits = [column for column in fits if not _CLOCK_OR_ID & set(letters(column.name))] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
     if channel in (CURRENT, VOLTAGE) and not has_input_voltage(names):
         fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
