@@ -216,6 +216,8 @@ def test_a_unit_that_is_wrong():
     doubtful = replace(good(), wheel_speed_rad_s=3.0 * good().wheel_speed_rad_s, yaw_rate_rad_s=None)
     (text,) = texts(RLMA, doubtful)
     assert "the wheels say 3 times the speed" in text
+    (text,) = texts(RLMA, good(speed_m_s=good().speed_m_s * 3600 / 1852))
+    assert "the wheels say 0.514 times the speed" in text and "speed=kn" in text
     meaningless = replace(doubtful, wheel_speed_rad_s=9.55 * good().wheel_speed_rad_s)
     with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm"):
         check_drive(RLMA, meaningless)

@@ -62,6 +62,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
     Unit("km/h", "speed", 1 / 3.6): ("km/h", "kmh", "kph"),
+    Unit("kn", "speed", 1852 / 3600): ("kn", "knot", "knots"),
     Unit("m/s2", "acceleration", 1.0): ("m/s2", "m/s^2", "m/s²", "mps2", "m_per_s2"),
     Unit("g", "acceleration", 9.80665): ("g",),
     Unit("rad", "angle", 1.0): ("rad", "radian", "radians"),

@@ -59,8 +59,9 @@ FEWEST_BACK, SIZE_SHARE = 3, 0.5
 #: samples in a row; a starting robot is not, however late that speed comes.
 ROBOT_STUCK_S, FEWEST_STUCK = 3.0, 3
 
-#: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, and certainly wrong.
-RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
+#: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, also if nine of ten samples
+#: are, as slip comes and goes; and certainly wrong.
+RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS = 2.0, 1.4, 5.0
 
 
 def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
@@ -355,12 +356,12 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     rows = (np.abs(speed) > TURNS_M_S) & (np.abs(wheels) > 1e-3 * TURNS_M_S)
     if rows.sum() < FEWEST_VALUES:
         return
-    ratio = abs(float(np.median(wheels[rows] / speed[rows])))
-    if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL:
+    low, ratio, high = np.quantile(np.abs(wheels[rows] / speed[rows]), [0.1, 0.5, 0.9])
+    if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL and low < RATIO_ALWAYS and high > 1 / RATIO_ALWAYS:
         return
     text = (
         f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
-        "wheel_speed=rpm or m/s, units={'wheel_speed': 'rpm'}), the motors' speed (--motor-shaft, "
+        "wheel_speed=rpm or m/s, or speed=kn or km/h, units={'wheel_speed': 'rpm'}), the motors' speed (--motor-shaft, "
         "at_motor_shaft=True), or another radius in the robot file?"
     )
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
