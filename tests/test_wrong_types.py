@@ -33,6 +33,11 @@ CALLS = {
     "a Path, got 7": lambda day: ow.write_log(LOG, 7),
     "columns must be a dict, such as": lambda day: ow.write_table([1.0], day),
     "column 'soc' has the shape": lambda day: ow.write_table({"soc": 0.5}, day),
+    "truth must be a share, between 0 and 1, got 60": lambda day: ow.compare(BATTERY, LOG, truth=np.full(50, 60.0)),
+    "filter must be one of .*, got 'ekff'": lambda day: ow.compare(BATTERY, LOG, "ekff"),
+    "new_capacity_Ah must be a number, got '20'": lambda day: ow.health(BATTERY, LOG, new_capacity_Ah="20"),
+    "the time of a sample must be a number": lambda day: LOG.between("noon", 40.0),
+    r"as of load_robot\('husky'\)": lambda day: ow.read_drive(day, "husky"),
     "truth must be an array of numbers": lambda day: ow.score([0.5], "soc_true"),
     "truth must be an array": lambda day: ow.plot(ow.SocEstimator(BATTERY, filter="coulomb").run(LOG), truth="soc"),
 }

@@ -270,8 +270,9 @@ def _wheels(robot: Any, driven: int | None) -> Wheels:
     names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()
     if not names or driven is None or not 0 <= driven <= len(names):
         raise InputError(
-            "read_drive needs a Robot, or the names of its wheels, driven ones first, and the number of driven ones: "
-            f"read_drive(path, ('left', 'right', 'castor'), 2); got {robot!r:.60} and driven={driven!r}"
+            "read_drive needs a Robot, as of load_robot('husky'), or the names of its wheels, driven ones first, and "
+            f"the number of driven ones: read_drive(path, ('left', 'right', 'castor'), 2); got {robot!r:.60} and "
+            f"driven={driven!r}"
         )
     return Wheels(names, driven)
 

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ohmward.checks import as_numbers
 from ohmward.errors import InputError
 from ohmward.logs.clock import clock_of_dates
 from ohmward.logs.columns import guess, listed
@@ -66,7 +67,7 @@ class TimeSeries(RichDisplay):
 
     def between(self, start_s: float, stop_s: float) -> Self:
         """The samples with start_s <= time_s < stop_s; the clock keeps its zero; InputError where there is none."""
-        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
+        first, last = np.searchsorted(self.time_s, as_numbers("the time of a sample", [start_s, stop_s], "a number"))
         if first == last:
             raise InputError(
                 f"log {self.name!r} has no sample in {start_s:g} s <= time < {stop_s:g} s; "

@@ -41,7 +41,7 @@ from ohmward.battery.health.history import (
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs
 from ohmward.quantities import DAY_S
@@ -194,6 +194,8 @@ def health(
     """
     require_battery(battery)
     require_between("worn", worn, 0.05, 0.99)
+    if new_capacity_Ah is not None:
+        require_positive("new_capacity_Ah", new_capacity_Ah)
     dated = in_order_of_time(as_logs(logs))
     learnt = learn(unlearnt(battery), dated.logs, progress=progress)
     if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label

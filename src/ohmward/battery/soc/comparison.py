@@ -15,7 +15,7 @@ from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import available
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
-from ohmward.battery.soc.score import soc_reference, soc_scores, voltage_score
+from ohmward.battery.soc.score import REFERENCE_MARGIN, soc_reference, soc_scores, voltage_score
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.optional import require
@@ -92,7 +92,7 @@ class Comparison(RichDisplay):
 def compare(
     battery: Battery,
     log: LogSource,
-    filters: Sequence[str] | None = None,
+    filters: Sequence[str] | str | None = None,
     *,
     truth: str | np.ndarray | None = None,
     initial_soc: float | None = None,
@@ -108,7 +108,7 @@ def compare(
     >>> compared.plot().save("compared.svg")
 
     log: a Log, or a path or DataFrame of one.
-    filters: names of estimators, see `ohmward.available`; by default all that the battery's file allows.
+    filters: names of estimators, or of one, see `ohmward.available`; by default all that the battery's file allows.
     truth: name of a column of the log, a share, a percentage or a counter of ampere hours that starts at `initial_soc`;
         or (T,) in [0, 1].
     initial_soc, initial_soc_std: of the start; None takes it from the first voltage.
@@ -119,7 +119,7 @@ def compare(
     """
     require_battery(battery)
     log = as_log(log)
-    names = tuple(filters) if filters else available(battery)
+    names = (filters,) if isinstance(filters, str) else tuple(filters or available(battery))
     if not names:
         raise InputError(
             f"battery {battery.name!r}: no estimator works with the models in its file; "
@@ -129,6 +129,8 @@ def compare(
         truth = soc_reference(log, truth, battery.capacity_Ah, initial_soc).soc
     if truth is not None and np.shape(truth) != log.time_s.shape:
         raise InputError(f"truth must have a value for each of the {len(log)} samples, got shape {np.shape(truth)}")
+    if truth is not None and (most := np.nanmax(np.abs(truth), initial=0.0)) > 1.0 + REFERENCE_MARGIN:
+        raise InputError(f"truth must be a share, between 0 and 1, got {most:g}; divide percent by 100")
     runs = {}
     for name in names:
         report = None if progress is None else partial(_share, progress, name)
