@@ -128,6 +128,16 @@ def test_a_last_line_cut_by_a_power_failure_is_dropped_and_noted(write_text, tai
     assert [str(note) for note in table.notes] == ["warning: the last line (5) is cut off: dropped"]
 
 
+def test_zeros_that_a_power_failure_left_in_a_line_cost_that_line(write_text):
+    """The end of the line before them and the beginning of the line after them stand in one line."""
+    rows = [f"{k},1.0,{12 + 0.1 * k:.1f}" for k in range(5)]
+    table = load(
+        write_text("\n".join(["time_s,current_A,voltage_V", *rows[:2], f"{rows[2][:3]}{64 * chr(0)}.0", *rows[3:]]))
+    )
+    np.testing.assert_array_equal(table.columns["time_s"], [0.0, 1.0, 3.0, 4.0])
+    assert [note.text for note in table.notes] == ["zeros of a power failure in 1 line (first in line 4): left out"]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -139,6 +149,7 @@ def test_a_last_line_cut_by_a_power_failure_is_dropped_and_noted(write_text, tai
         ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
         ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
         ("a,b\0\0\0\n1,2\n", "not a text table"),
+        ("a,b\n1,2\n" + "\0\x01\xff\n" * 9, "damaged from line 3 on.*head -n 2"),
     ],
 )
 def test_malformed_files_are_refused(write_text, text, message):

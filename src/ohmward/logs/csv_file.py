@@ -95,8 +95,9 @@ def _blocks(
     width, last_name = len(layout.names), layout.names[-1].partition(" [")[0]
     size = path.stat().st_size
     stray: list[int] = []
+    damaged: list[int] = []
     with open_text(path, layout.encoding) as stream:
-        reader = csv.reader(lines_of(stream, layout, stray), delimiter=layout.delimiter, skipinitialspace=True)
+        reader = csv.reader(lines_of(stream, layout, stray, damaged), delimiter=layout.delimiter, skipinitialspace=True)
         while rows := list(islice(reader, _PARSED_ROWS)):
             last_line = layout.skip_lines + reader.line_num
             line = row_numbers(last_line - len(rows) + 1, len(rows))
@@ -108,9 +109,10 @@ def _blocks(
                 yield rows, line
             if progress:
                 progress(bytes_read(stream), size)
-    if stray:
-        text = f"a quote that nothing closes in {counted(len(stray), 'line')} (first in line {stray[0]}): left out"
-        notes.append(Note(text, "warning"))
+    for which, what in ((stray, "a quote that nothing closes"), (damaged, "zeros of a power failure")):
+        if which:
+            text = f"{what} in {counted(len(which), 'line')} (first in line {which[0]}): left out"
+            notes.append(Note(text, "warning"))
 
 
 def _repair(

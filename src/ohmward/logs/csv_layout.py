@@ -130,6 +130,8 @@ def names_without_header(row: Sequence[str]) -> list[str] | None:
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
 _LAYOUT_BYTES = 1 << 16
+#: Above this share of lines with zeros a file is damaged or binary, not cut by a power failure.
+_DAMAGED_LINES = 0.02
 #: A gzip file may unpack to this many bytes, or to this many times its size: logs shrink by a factor of 3 to 20.
 UNPACKED_BYTES, UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
@@ -215,13 +217,25 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
         with opener(path, "rb") as stream:
             head = stream.read(_LAYOUT_BYTES)
         encoding = find_encoding(head)
-        # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
-        if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
-            raise InputError(
-                f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
-                "them; export the log as CSV, Parquet or Excel with the program that wrote it"
-            )
+        if not is_wide(encoding):
+            _require_text(path, head)
     return io.TextIOWrapper(opener(path, "rb"), encoding, errors="replace", newline="")
+
+
+def _require_text(path: Path, head: bytes) -> None:
+    """Refuse binary data; a power failure leaves zeros at the end of a file, and in single lines."""
+    lines = head.rstrip(b"\0\r\n").split(b"\n")
+    binary = [k for k, line in enumerate(lines) if b"\0" in line]
+    if binary and binary[0] == 0:
+        raise InputError(
+            f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
+            "them; export the log as CSV, Parquet or Excel with the program that wrote it"
+        )
+    if len(binary) > max(1.0, _DAMAGED_LINES * len(lines)):
+        raise InputError(
+            f"{path.name}: damaged from line {binary[0] + 1} on, where binary data follows the text; keep the lines "
+            f"before, as with `head -n {binary[0]}`"
+        )
 
 
 def bytes_read(stream: TextIO) -> int:
@@ -282,7 +296,7 @@ def _head(path: Path, stream: TextIO) -> list[str]:
                     "ohmward reads CSV, JSON, Parquet and others: export the log to one of them"
                 )
             break
-        lines.append(line.rstrip("\r\n"))
+        lines.append("" if "\0" in line else line.rstrip("\r\n"))
     return lines
 
 
@@ -430,12 +444,20 @@ def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
         )
 
 
-def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int]) -> Iterator[str]:
-    """The lines below the header, one row each; an unclosed quote is left out, its line number added to `stray`."""
+def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int], damaged: list[int]) -> Iterator[str]:
+    """The lines below the header, one row each.
+
+    An unclosed quote is left out, and its line number added to `stray`; a line with zeros that a power failure left is
+    empty, and added to `damaged`. The last line keeps them.
+    """
     first = layout.skip_lines + 1
     for _ in islice(stream, layout.skip_lines):
         pass
     while block := list(islice(stream, _BLOCK_LINES)):
+        if "\0" in "".join(block):
+            zeros = [k for k, line in enumerate(block) if "\0" in line and line.endswith("\n")]
+            damaged += [first + k for k in zeros]
+            block = ["\n" if k in zeros else line for k, line in enumerate(block)]
         if '"' in "".join(block):
             stray += [first + k for k, line in enumerate(block) if line.count('"') % 2]
             block = [line.replace('"', "") if line.count('"') % 2 else line for line in block]

@@ -64,6 +64,16 @@ _KNOWN = tuple(
             "frames of a CAN bus as candump shows them; record them with `candump -l can0`, and give that with --dbc",
         ),
         (rb"\x80[\x02-\x05]", "a pickle of Python; load it where it was written, and give the DataFrame or a CSV file"),
+        (
+            rb"(?:\s|<\?xml[^>]*>|<!--(?:(?!-->).)*-->)*<robot\b",
+            "a URDF; make a robot file of it with `ohmward robot FILE -o robot.toml`",
+        ),
+        (
+            rb"\s*<(?i:!doctype html|html|head|meta|table)\b",
+            "a page of HTML, as some programs export as .xls; save it as .xlsx or CSV in a spreadsheet program, or "
+            "give pandas.read_html(FILE)[0]",
+        ),
+        (rb"\s*<\?xml", "XML; export the log as CSV with the program that wrote it, or give pandas.read_xml(FILE)"),
         (rb"%PDF-", "a PDF document; export the numbers as CSV"),
         (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", "a packed file; unpack it first"),
     )
