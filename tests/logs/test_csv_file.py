@@ -149,7 +149,7 @@ def test_zeros_that_a_power_failure_left_in_a_line_cost_that_line(write_text):
         ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
         ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
         ("a,b\0\0\0\n1,2\n", "not a text table"),
-        ("a,b\n1,2\n" + "\0\x01\xff\n" * 9, "damaged from line 3 on.*head -n 2"),
+        ("a,b\n1,2\n3,4\n" + "\0\x01\xff\n" * 9, "damaged from line 4 on.*head -n 3"),
     ],
 )
 def test_malformed_files_are_refused(write_text, text, message):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.logs.clean import without_stuck_current
+from ohmward.logs.clean import without_repeated_rows, without_stuck_current
 from ohmward.logs.log import read_log
 
 DEAD = slice(1200, 3600)
@@ -33,6 +33,44 @@ def test_values_that_stand_still_under_load_are_left_out_and_counted(rng, held_A
     assert np.isnan(found_A[1201:3600]).all() and np.isfinite(found_A[:1200]).all()
     assert note.level == "warning"
     assert f"the current of {held_A:g} A is stuck" in note.text and "from 1201 s to 3599 s" in note.text
+
+
+@pytest.mark.parametrize(("held_A", "left_out"), ((-6.013, True), (0.0, False)))
+def test_one_load_that_comes_and_goes_is_enough_beside_a_current_that_never_is_so_still(rng, held_A, left_out):
+    """A sensor that rounds small currents to 0 is that still."""
+    time_s, current_A, voltage_V = driven(rng)
+    part = slice(1200, 1300)
+    current_A[part], voltage_V[part] = (
+        held_A,
+        13.0 - 0.4 * ((time_s[part] // 40) % 2) + 0.003 * rng.standard_normal(100),
+    )
+    found_A, notes = without_stuck_current(time_s, current_A, voltage_V)
+    assert len(notes) == left_out == np.isnan(found_A[1201:1300]).all()
+
+
+def test_rows_that_a_logger_repeats_are_left_out(rng):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD], voltage_V[DEAD] = current_A[1199], voltage_V[1199]
+    found_A, found_V, (note,) = without_repeated_rows(time_s, current_A, voltage_V)
+    assert np.isnan(found_A[1200:3600]).all() and np.isnan(found_V[1200:3600]).all()
+    assert np.isfinite(found_A[:1200]).all() and np.isfinite(found_V[:1200]).all()
+    assert "repeated to the last digit from 1200 s to 3599 s, which elsewhere flicker" in note.text
+
+
+@pytest.mark.parametrize("digits", (0, 1))
+def test_rows_of_few_digits_repeat_without_a_fault(rng, digits):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD], voltage_V[DEAD] = 5.0, 13.4
+    _, _, notes = without_repeated_rows(time_s, np.round(current_A, digits), np.round(voltage_V, digits))
+    assert not notes
+
+
+def test_so_do_those_of_a_test_at_constant_current(rng):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD], voltage_V[DEAD] = -1.0, np.round(13.3 - 2e-6 * np.arange(2400), 3)
+    current_A[600:1200] = -1.0
+    voltage_V[600:1200] = np.round(13.4 - 1e-4 * np.arange(600), 3)
+    assert not without_repeated_rows(time_s, current_A, voltage_V)[2]
 
 
 def test_a_log_that_is_read_says_so(rng, tmp_path):

@@ -36,11 +36,16 @@ _SAMPLES_OF_A_CONSTANT = 50
 #: at least this fraction of resistance times current step.
 _HUGE, _ANSWERS = 3.0, 0.2
 #: A current that stays the same for this time [s] and this many rows is stuck if large moves of the voltage reverse at
-#: least this many times, and at this fraction of the rate of large moves elsewhere.
+#: least this many times, and at this fraction of the rate of large moves elsewhere; under a load that flickers
+#: elsewhere, once is enough: nothing but a sensor that rounds small currents to 0 is that still.
 _STUCK_CURRENT_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_TURNS_SHARE = 60.0, 30, 6, 0.25
+_STUCK_TURNS_OF_A_LOAD = 1
 #: A voltage move is large above this fraction of that at the largest current edge, this many times the noise, and this
 #: many of its smallest steps: a voltage of few digits flickers between two of them.
 _LARGE_MOVE, _BEYOND_NOISE, _BEYOND_STEP = 0.1, 6.0, 1.5
+#: A reading that stays the same for as long flickers elsewhere if it stays the same in at most this share of the other
+#: rows between which the current moves by less than this share of its largest, of which there are at least so many.
+_MOST_REPEATS, _STEADY_SHARE, _FEWEST_STEADY = 0.3, 0.01, 100
 # If fewer than this fraction of the currents have a voltage in their row, the two have different sampling rates.
 _TOGETHER_FRACTION = 0.5
 # Silences of a recorder of changes are filled up to this duration [s], each with at most this many rows.
@@ -119,9 +124,11 @@ def without_stuck_current(
 
     At rest or under a steady load the voltage relaxes; a load that is no longer measured still moves it back and forth.
     """
-    steady = long_runs(np.diff(current_A, prepend=np.nan) == 0.0, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
+    same = np.diff(current_A, prepend=np.nan) == 0.0
+    steady = long_runs(same, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
     if not steady:
         return current_A, ()
+    flickers = _flickers(same, current_A, steady)
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     largest_A = np.abs(np.diff(current_A[known])).max(initial=0.0)
     edge_V = edge_test(current_A[known], voltage_V[known]).resistance_ohm * largest_A
@@ -138,13 +145,53 @@ def without_stuck_current(
     for first, stop in steady:
         upwards = moves_V[first:stop][large[first:stop]] > 0.0
         turns = np.count_nonzero(upwards[1:] != upwards[:-1])
-        if turns >= _STUCK_TURNS and turns >= _STUCK_TURNS_SHARE * usual * (stop - first):
+        fewest = _STUCK_TURNS_OF_A_LOAD if flickers and current_A[first] != 0.0 else _STUCK_TURNS
+        if turns >= fewest and turns >= _STUCK_TURNS_SHARE * usual * (stop - first):
             rest_A = rest_A if notes else current_A.copy()
             rest_A[first:stop] = np.nan
             when = f" {from_to(time_s[first:stop])}"
             what = f"the current of {current_A[first]:g} A is "
             notes.append(Note(f"{stuck(what, when, 'the voltage')}; its values there are left out", "warning"))
     return rest_A, tuple(notes)
+
+
+def without_repeated_rows(
+    time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[Note, ...]]:
+    """The currents and voltages (T,) with NaN where a logger repeats its last row, and a note on each stretch.
+
+    A sensor that is heard flickers in its last digit, also under a steady current; a battery at rest read in coarse
+    digits, and a test at constant current, repeat their rows everywhere.
+    """
+    same = np.append(False, (np.diff(current_A) == 0.0) & (np.diff(voltage_V) == 0.0))
+    repeated = long_runs(same, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
+    if not _flickers(same, current_A, repeated):
+        return current_A, voltage_V, ()
+    current_A, voltage_V = current_A.copy(), voltage_V.copy()
+    notes: list[Note] = []
+    for first, stop in repeated:
+        text = (
+            f"{current_A[first]:g} A and {voltage_V[first]:g} V repeated to the last digit "
+            f"{from_to(time_s[first:stop])}, which elsewhere flicker: the logger did not hear the sensor; its values "
+            "there are left out"
+        )
+        notes.append(Note(text, "warning"))
+        current_A[first:stop] = voltage_V[first:stop] = np.nan
+    return current_A, voltage_V, tuple(notes)
+
+
+def _flickers(same: np.ndarray, current_A: np.ndarray, stretches: Sequence[tuple[int, int]]) -> bool:
+    """True if a reading that stays the same along the stretches changes elsewhere, also while the current is steady.
+
+    same: (T,), the reading is that of the row before.
+    """
+    if not stretches:
+        return False
+    move_A = np.abs(np.diff(current_A, prepend=np.nan))
+    steady = move_A <= _STEADY_SHARE * float(np.nanquantile(np.abs(current_A), 0.99))
+    for first, stop in stretches:
+        steady[first:stop] = False
+    return np.count_nonzero(steady) >= _FEWEST_STEADY and same[steady].mean() <= _MOST_REPEATS
 
 
 def battery_temperature(

@@ -130,6 +130,8 @@ def names_without_header(row: Sequence[str]) -> list[str] | None:
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
 _LAYOUT_BYTES = 1 << 16
+#: Control characters, which no text has in its first lines.
+_CONTROL, _BEGINNING = re.compile(rb"[\0-\x08\x0e-\x1f]"), 3
 #: Above this share of lines with zeros a file is damaged or binary, not cut by a power failure.
 _DAMAGED_LINES = 0.02
 #: A gzip file may unpack to this many bytes, or to this many times its size: logs shrink by a factor of 3 to 20.
@@ -226,7 +228,7 @@ def _require_text(path: Path, head: bytes) -> None:
     """Refuse binary data; a power failure leaves zeros at the end of a file, and in single lines."""
     lines = head.rstrip(b"\0\r\n").split(b"\n")
     binary = [k for k, line in enumerate(lines) if b"\0" in line]
-    if binary and binary[0] == 0:
+    if binary and _CONTROL.search(b"\n".join(lines[:_BEGINNING])):
         raise InputError(
             f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
             "them; export the log as CSV, Parquet or Excel with the program that wrote it"

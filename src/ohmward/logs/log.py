@@ -317,6 +317,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         start_unix_s = float(wall_clock[0] - time_s[0])
     voltage_V, spikes = clean.without_spikes(QUANTITIES["battery_voltage_V"], measured["voltage"])
     current_A, silent = clean.without_silent_spikes(measured["current"], voltage_V)
+    current_A, voltage_V, unheard = clean.without_repeated_rows(time_s, current_A, voltage_V)
     current_A, dead = clean.without_stuck_current(time_s, current_A, voltage_V)
     warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
     if chosen["current"].unit is None and (other := not_in_amperes(current_A, voltage_V)):
@@ -345,6 +346,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *warnings,
             *spikes,
             *silent,
+            *unheard,
             *dead,
             *of_temperature,
             *clean.missing_notes(table, chosen),
