@@ -39,6 +39,17 @@ def test_an_error_in_a_log_gives_status_1(tmp_path, capsys):
     assert "error: the current never changes" in capsys.readouterr().out
 
 
+def test_a_file_that_cannot_be_used_hides_no_other(here, as_json, capsys):
+    Path("empty.csv").write_text("")
+    found = as_json("doctor", "empty.csv", "day.csv")
+    assert [log["path"] for log in found["logs"]] == ["day.csv"]
+    (refused,) = found["refused"]
+    assert refused["path"] == "empty.csv" and "the file is empty" in refused["error"]
+    assert main(["doctor", "empty.csv", "day.csv"]) == 1
+    assert "Could not be used:\n  - empty.csv: the file is empty" in capsys.readouterr().out
+    assert main(["doctor", "empty.csv", "none.csv"]) == 2
+
+
 def test_the_sign_can_be_given(here, as_json):
     charged = as_json("doctor", "day.csv")["logs"][0]["survey"]["activity"]["charge_out_Ah"]
     reversed_ = as_json("doctor", "day.csv", "--current-sign", "discharge")["logs"][0]

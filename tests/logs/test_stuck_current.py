@@ -73,6 +73,14 @@ def test_so_do_those_of_a_test_at_constant_current(rng):
     assert not without_repeated_rows(time_s, current_A, voltage_V)[2]
 
 
+def test_so_do_those_of_a_simulated_rest_in_equilibrium():
+    """Without noise the voltage changes wherever current flows or has flowed."""
+    time_s = np.arange(3600.0)
+    current_A = np.where(time_s < 1200, 0.0, np.where(time_s % 600 < 300, -6.0, 0.0))
+    voltage_V = 13.2 + 0.05 * current_A - 1e-5 * np.maximum(time_s - 1200.0, 0.0)
+    assert not without_repeated_rows(time_s, current_A, voltage_V)[2]
+
+
 def test_a_log_that_is_read_says_so(rng, tmp_path):
     time_s, current_A, voltage_V = driven(rng)
     current_A[DEAD] = 0.0

@@ -163,9 +163,9 @@ def without_repeated_rows(
     A sensor that is heard flickers in its last digit, also under a steady current; a battery at rest read in coarse
     digits, and a test at constant current, repeat their rows everywhere.
     """
-    same = np.append(False, (np.diff(current_A) == 0.0) & (np.diff(voltage_V) == 0.0))
-    repeated = long_runs(same, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
-    if not _flickers(same, current_A, repeated):
+    each = [np.diff(values, prepend=np.nan) == 0.0 for values in (current_A, voltage_V)]
+    repeated = long_runs(each[0] & each[1], time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
+    if not all(_flickers(same, current_A, repeated) for same in each):
         return current_A, voltage_V, ()
     current_A, voltage_V = current_A.copy(), voltage_V.copy()
     notes: list[Note] = []

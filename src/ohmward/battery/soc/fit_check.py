@@ -85,7 +85,7 @@ def _needed(
     if moved > MOST_MOVED:
         needed.append(f"a state of charge that moved by itself, by {moved:.1f} of its standard deviations")
     if (excess := lasting_error(log.time_s, estimates)) > MOST_EXCESS:
-        needed.append(f"errors of the voltage {excess:.1f} times as large as the file expects")
+        needed.append(f"errors of the voltage {excess:.2f} times as large as the file expects")
     return needed
 
 

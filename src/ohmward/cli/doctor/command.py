@@ -75,7 +75,11 @@ _KINDS = ("logs", "drives", "batteries", "robots", "setups")
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Examine each file; the exit status is 1 if a log has an error."""
+    """Examine each file; the exit status is 1 if a log has an error, or cannot be used beside others.
+
+    Raises:
+        InputError: none of the files can be used; the reason of the first.
+    """
     kinds = {path: kind_of(path) for path in args.files}
     first = {kind: path for path, kind in reversed(kinds.items())}
     given = GivenFiles(
@@ -83,20 +87,33 @@ def run(args: argparse.Namespace) -> Outcome:
         args.robot or first.get(ROBOT_FILE.noun, "robot.toml"),
         first.get(BATTERY_FILE.noun, "battery.toml"),
     )
-    found = [part for path, kind in kinds.items() for part in _EXAMINED[kind](path, given)]
+    found: list[Part] = []
+    refused: dict[str, InputError] = {}
+    for path, kind in kinds.items():
+        try:
+            found += _EXAMINED[kind](path, given)
+        except InputError as error:
+            refused[path] = error
+    if not found and refused:
+        raise next(iter(refused.values()))
     parts = sorted(found, key=lambda part: _KINDS.index(part.kind))
     following = list(dict.fromkeys(command for part in found for command in part.next_commands))
     return Outcome(
         summary={
             "command": "doctor",
             **{kind: [part.summary for part in parts if part.kind == kind] for kind in _KINDS},
+            "refused": [{"path": path, "error": str(error)} for path, error in refused.items()],
             "next": following,
         },
-        text="\n\n".join([*(part.text for part in parts), bullets("Next", following)]),
+        text=paragraphs(
+            *(part.text for part in parts),
+            bullets("Could not be used", list(map(str, refused.values()))),
+            bullets("Next", following),
+        ),
         notes=[note for part in parts for note in part.notes],
         has_notes=True,
         page=partial(make_page, parts),
-        status=int(any(part.is_wrong for part in parts)),
+        status=int(any(part.is_wrong for part in parts) or bool(refused)),
     )
 
 
