@@ -191,7 +191,7 @@ def _flickers(same: np.ndarray, current_A: np.ndarray, stretches: Sequence[tuple
     steady = move_A <= _STEADY_SHARE * float(np.nanquantile(np.abs(current_A), 0.99))
     for first, stop in stretches:
         steady[first:stop] = False
-    return np.count_nonzero(steady) >= _FEWEST_STEADY and same[steady].mean() <= _MOST_REPEATS
+    return bool(np.count_nonzero(steady) >= _FEWEST_STEADY and same[steady].mean() <= _MOST_REPEATS)
 
 
 def battery_temperature(
