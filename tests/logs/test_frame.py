@@ -188,7 +188,7 @@ def test_a_drive_with_dates_and_the_wheels_of_a_robot():
     ("robot", "driven"), [(FOUR, None), (FOUR, 5), ("left", 1), (None, 2), (4, 2)]
 )  # fmt: skip
 def test_wheels_that_are_not_told_are_asked_for(robot, driven):
-    with pytest.raises(InputError, match=r"needs a Robot, or the names of its wheels, driven ones first.*driven="):
+    with pytest.raises(InputError, match=r"needs a Robot, .*or the names of its wheels, driven ones first.*driven="):
         read_drive(pd.DataFrame({"t": [0.0], "wl": [1.0]}), robot, driven)
 
 
