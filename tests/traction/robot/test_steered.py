@@ -8,12 +8,12 @@ import pytest
 from kernels import kernel_of
 from ohmward.errors import InputError
 from ohmward.logs import read_drive, write_table
-from ohmward.onboard.message import Message, MessageSorter, unmeasured_wheels
+from ohmward.onboard.message import MessageSorter, unmeasured_wheels
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.sources.ros2 import Ros2Source
-from ohmward.onboard.trial import Recorder, check_wiring
+from ohmward.onboard.wiring_check import Recorder, check_wiring
 from ohmward.traction import RLMA, Odometry, SensorInbox, load_robot, save_robot
 from ohmward.traction.odometry.estimator import odometry_samples
 from ohmward.traction.odometry.pose_filter import pose_filter
@@ -172,7 +172,7 @@ def test_an_angle_that_counts_to_the_right_is_found_when_it_is_wired(sign, level
     t, motion, _ = drive(2, seconds=30.0)
     for time_s, speed, angle, turn in zip(t, *sensed(CAR, *motion.T), motion[:, 1], strict=True):
         values = {"wheel_speed_rad_s.0": speed, "steering_rad": sign * angle, "yaw_rate_rad_s": turn}
-        recorder.put(Message(time_s, time_s, "car", {name: float(value) for name, value in values.items()}))
+        recorder.put("car", float(time_s), {name: float(value) for name, value in values.items()})
     found = [
         f for f in check_wiring(recorder.signals(), {"car": ()}, None, CAR) if "sign" in f.name or f.level == level
     ]
