@@ -113,4 +113,5 @@ def test_monotone_leaves_rising_values_alone_and_splits_a_dip():
     rising = np.array([1.0, 2.0, 2.0, 5.0])
     assert monotone(rising) == pytest.approx(rising)
     dipped = monotone(np.array([1.0, 3.0, 2.0, 4.0]))
-    assert (np.diff(dipped) >= 0).all() and dipped[1] == pytest.approx(2.5)
+    assert dipped == pytest.approx([1.0, 2.5, 2.5, 4.0])
+    assert monotone(np.array([1.0, 3.0, 2.0, 4.0]), np.array([1.0, 1.0, 0.5, 1.0])) == pytest.approx([1, 2.2, 2.2, 4])

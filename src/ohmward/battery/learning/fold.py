@@ -80,7 +80,7 @@ def fold(
     """
     p = parameters_of(battery)
     curve, offset, sensor = OpenCircuit(battery, theta), p.group("offset"), battery.sensor
-    model, log_ratio = folded_model(curve), curve.place.log_ratio
+    model, log_ratio = folded_model(curve, covariance), curve.place.log_ratio
     seen_from_soc = min(lowest_soc, float(true_soc(np.array(curve.place.seen_from_soc), log_ratio)))
     if theta[offset].size:
         std_A = float(np.sqrt(covariance[offset, offset][0, 0]))
@@ -157,28 +157,30 @@ def slip_direction(battery: Battery, p: Unknowns) -> np.ndarray:
     return direction
 
 
-def folded_model(curve: OpenCircuit) -> Thevenin:
-    """The circuit with the corrections applied."""
+def folded_model(curve: OpenCircuit, covariance: np.ndarray) -> Thevenin:
+    """The circuit with the corrections applied; covariance: (K, K) of their errors."""
     model, p, theta = curve.model, curve.parameters, curve.theta
     corrections = Corrections(*(theta[p.group(name)] for name in Corrections._fields))
     return replace(
         corrections.made(model),
         capacity_Ah=model.capacity_Ah * float(np.exp(curve.place.log_ratio)),
-        ocv=folded_curve(curve),
+        ocv=folded_curve(curve, covariance),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
     )
 
 
-def folded_curve(curve: OpenCircuit) -> OcvCurve:
+def folded_curve(curve: OpenCircuit, covariance: np.ndarray) -> OcvCurve:
     """The open-circuit curve with the corrections applied, as far as they leave it rising."""
     ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), OCV_POINTS))
-    voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
+    charge, group = file_charge(soc, curve.place.log_ratio), p.group("ocv")
+    voltage_V, knots = curve.at(charge, ocv.reference_degC), hat(charge, OCV_KNOTS)
+    std_V = np.sqrt(np.einsum("nk,kl,nl->n", knots, covariance[group, group], knots))
     entropy = theta[p.group("entropy")]
     more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0
     ratio = float(np.exp(theta[p.group("hysteresis")].sum()))
     voltage_V = voltage_V + scaled_hysteresis(0.0, ratio, curve.model) * np.asarray(ocv.hysteresis_at(soc))
-    return ocv.corrected(voltage_V, ratio, more_V_per_K)
+    return ocv.corrected(voltage_V, ratio, more_V_per_K, std_V=std_V)
 
 
 def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> BatteryNoise:

@@ -71,9 +71,21 @@ def slip_shape(soc: Any, share: float) -> Any:
     return (1.0 - moved) * (moved * moved) / (moved * moved + knee * knee)
 
 
-def monotone(values: np.ndarray) -> np.ndarray:
-    """(N,) non-decreasing: the middle of the running maximum from the left and the running minimum from the right."""
-    return np.asarray(0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1]))
+def monotone(values: np.ndarray, std: np.ndarray | float = 1.0) -> np.ndarray:
+    """Rising values (N,) closest to these in the mean square of their differences over `std` (N,).
+
+    By pooling adjacent violators (Ayer et al. 1955, Ann. Math. Stat. 26, 641).
+    """
+    weights = 1.0 / np.broadcast_to(np.square(std), values.shape)
+    levels: list[tuple[float, float, int]] = []
+    for value, weight in zip(values.tolist(), weights.tolist(), strict=True):
+        level = (value, weight, 1)
+        while levels and levels[-1][0] > level[0]:
+            lower = levels.pop()
+            total = lower[1] + level[1]
+            level = ((lower[0] * lower[1] + level[0] * level[1]) / total, total, lower[2] + level[2])
+        levels.append(level)
+    return np.repeat([mean for mean, _, _ in levels], [count for _, _, count in levels])
 
 
 def beyond_line(above_V: Any, below_V: Any) -> tuple[Any, Any]:
@@ -143,11 +155,13 @@ class OcvCurve:
         hysteresis_ratio: float = 1.0,
         more_V_per_K: Any = 0.0,
         soc: np.ndarray | None = None,
+        std_V: np.ndarray | float = 1.0,
     ) -> OcvCurve:
         """The curve as a fit corrected it.
 
         voltage_V: (N,) its mean on a uniform grid of SoC, made monotone here; hysteresis_ratio: >= 0, of the hysteresis
         over that of this curve; more_V_per_K: (N,) or 0, change with temperature beyond that of this curve.
+        std_V: (N,) error of the mean: where it falls, the less certain voltages give way; a number for equal ones.
         soc: (N,) SoC at which hysteresis and change with temperature are read from this curve; None keeps their places.
         """
         soc = np.linspace(0.0, 1.0, voltage_V.size) if soc is None else soc
@@ -155,7 +169,7 @@ class OcvCurve:
         slope = self._at(self.temperature_V_per_K, soc) + more_V_per_K
         return replace(
             self,
-            voltage_V=tuple(monotone(voltage_V).tolist()),
+            voltage_V=tuple(monotone(voltage_V, std_V).tolist()),
             hysteresis_V=tuple(hysteresis_V.tolist()),
             temperature_V_per_K=tuple(slope.tolist()),
         )
