@@ -120,6 +120,10 @@ def test_moments_of_a_normal_density_are_its_own():
     assert found.std == pytest.approx(0.02, rel=0.01)
 
 
+def test_a_density_is_no_narrower_than_its_points_resolve():
+    assert moments({-0.02: 71.0, 0.0: 0.0, 0.02: 41.0}, least_std=0.024).std == 0.024
+
+
 def test_a_smaller_capacity_is_found_and_covered():
     older = MODEL.worn(0.85, 1.3)
     tested = replace(TESTED, noise=replace(TESTED.noise, resistance_std=0.3, ocv_slip_std=0.0))

@@ -187,13 +187,14 @@ def capacity_marginal(
     Some rows are enough for a log that has one mode. Where they show another one, all rows are used for a log that
     counts the charge between full charges and cut-offs more than once; any other log does not give the capacity.
     """
+    q = model.parameters.group("capacity").start
     some = max(1, min(_COARSE, model.rows.size // _MARGINAL_ROWS))
     cut_offs = sum(a.soc < _HALF for a in anchors)
     counted = min(cut_offs, len(anchors) - cut_offs) > 1
     for every in (some, 1) if counted else (some,):
         points = _scan(model.linear_about(found.x, every), prior, anchors, found)
         if points:
-            return moments(points)
+            return moments(points, float(np.sqrt(found.covariance[q, q])))
     return None
 
 
@@ -227,15 +228,18 @@ def _profile(
     return there.x, there.cost + float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
 
 
-def moments(points: Mapping[float, float]) -> Normal:
-    """Mean and standard deviation of a density from -2 ln of it at some points, by the trapezoidal rule."""
+def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
+    """Mean and standard deviation of a density from -2 ln of it at some points, by the trapezoidal rule.
+
+    least_std: smallest standard deviation, that at the mode: points so far apart resolve no narrower density.
+    """
     grid = np.array(sorted(points))
     cost = np.array([points[value] for value in grid])
     widths = 0.5 * (np.diff(grid, prepend=grid[0]) + np.diff(grid, append=grid[-1]))
     weight = widths * np.exp(-0.5 * (cost - cost.min()))
     weight /= weight.sum()
     mean = float(weight @ grid)
-    return Normal(mean, float(np.sqrt(weight @ (grid - mean) ** 2)))
+    return Normal(mean, max(float(np.sqrt(weight @ (grid - mean) ** 2)), least_std))
 
 
 def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
