@@ -9,7 +9,7 @@ from battery.anchor_examples import day, label
 from ohmward.battery.battery import Knowledge, Provenance, SeenLog
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.charger_limit import full_at_charger_limit, raised_to, with_full_at
+from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence, raised_to, with_full_at
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
@@ -41,6 +41,12 @@ def test_the_curve_up_to_the_limit_becomes_the_whole_curve(soc):
     assert after.capacity_Ah == after.thevenin.capacity_Ah == pytest.approx(10.0 * (1.0 + soc) / 2)
     assert after.noise.soc_axis_std == pytest.approx(np.hypot(before.noise.soc_axis_std, 0.5 * (1.0 - soc)))
     assert after.noise.capacity_std == pytest.approx(np.hypot(before.noise.capacity_std, 0.5 * (1.0 - soc)))
+
+
+def test_only_a_full_end_that_moved_is_reported():
+    before = generic_battery("nmc", 10.0)
+    assert limit_sentence(before, replace(before, noise=replace(before.noise, capacity_std=0.2))) == ""
+    assert limit_sentence(before, with_full_at(before, 0.9)).startswith("full is where its charger stops")
 
 
 def test_what_logs_have_shown_keeps_the_charge_along_the_curve():

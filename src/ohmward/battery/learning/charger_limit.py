@@ -121,7 +121,7 @@ def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
 
 def limit_sentence(before: Battery, after: Battery) -> str:
     """Sentence on a full end that was moved, for people; "" for one that stays."""
-    if after is before:
-        return ""
     full_V = after.thevenin.ocv.voltage_V[-1]
+    if full_V == before.thevenin.ocv.voltage_V[-1]:
+        return ""
     return f"full is where its charger stops, at {full_V:.3g} V at rest; "
