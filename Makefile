@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help environment demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control drive-to-empty firmware \
-    single-precision docs format clean
+.PHONY: help environment demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control \
+    pose-peers drive-to-empty firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
 	@echo "make learning  files that learn from use, without a test -> benchmarks/learning.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
+	@echo "make pose-peers  pose from wheels and gyro beside robot_localization -> benchmarks/pose_peers.md"
 	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
 	@echo "make drive-to-empty  range and way home to the metre where robots stopped -> benchmarks/drive_to_empty.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
@@ -47,7 +48,7 @@ $(VENV)/pip.stamp:
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-lab test-spark check soak accuracy lives learning bench slip-control drive-to-empty firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-lab test-spark check soak accuracy lives learning bench slip-control pose-peers drive-to-empty firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
@@ -97,6 +98,9 @@ bench:
 
 slip-control: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/slip_control.py
+
+pose-peers: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/pose_peers.py
 
 drive-to-empty: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/drive_to_empty.py

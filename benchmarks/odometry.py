@@ -221,9 +221,14 @@ def score(run: Recording, encoders: int, observed: bool) -> tuple[float, float, 
 def reckoned(log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
     """Positions (2,) at the end by plain wheel odometry, and with the gyro's turn less its mean at the first rest."""
     motion = np.array([motion_from_wheels(RLMA, speeds) for speeds in log.wheel_speed_rad_s[:, :2]])
-    moves = int(np.argmax(np.abs(motion).max(axis=1) > 0.0))
-    gyro = np.asarray(log.yaw_rate_rad_s)
-    return _position(motion[:, 0], motion[:, 1]), _position(motion[:, 0], gyro - gyro[: max(moves - 2, 5)].mean())
+    return _position(motion[:, 0], motion[:, 1]), _position(motion[:, 0], without_offset(log))
+
+
+def without_offset(log: DriveLog) -> np.ndarray:
+    """The gyro's yaw rate (T,) less its mean at the first rest."""
+    gyro, speeds = np.asarray(log.yaw_rate_rad_s), log.wheel_speed_rad_s[:, :2]
+    moves = int(np.argmax(np.abs(speeds).max(axis=1) > 0.0))
+    return np.asarray(gyro - gyro[: max(moves - 2, 5)].mean())
 
 
 def _position(speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray) -> np.ndarray:
