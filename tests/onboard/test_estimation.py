@@ -273,3 +273,22 @@ def test_the_speed_follows_whatever_wheels_are_left_where_no_motor_current_is(le
     slip = last([estimation.state]).slip
     assert abs(slip.speed_m_s - 3.0 * RLMA.wheel.radius_m) < 2.0 * slip.speed_std_m_s + 0.02
     assert slip.speed_m_s < 0.5
+
+
+def test_a_battery_that_was_changed_in_a_silence_is_found_by_its_voltage():
+    """Of twenty minutes under a changing load the filter knows its errors, which another battery does not share."""
+    battery = generic_battery("nmc", 20.0, 7)
+    curve, ohm = battery.thevenin.ocv, 0.5 * battery.thevenin.largest_ohm
+
+    def after(estimation, begin_s, soc, seconds):
+        for k in range(seconds):
+            current_A = -1.0 - 5.0 * (k // 20 % 2) + 1e-4 * (k % 7)
+            voltage_V = float(curve.mean_V(soc, 25.0)) + ohm * current_A + 1e-4 * (k % 5)
+            estimation.put(begin_s + k, {"battery_current_A": current_A, "battery_voltage_V": voltage_V})
+        return estimation.state.battery
+
+    changed, same = Estimation(battery), Estimation(battery)
+    before = after(changed, 0.0, 0.5, 1200), after(same, 0.0, 0.5, 1200)[:2]
+    assert before[0].soc_std < 0.2
+    assert abs(after(changed, 1220.0, 0.95, 120).soc - 0.95) < 0.1
+    assert after(same, 1220.0, 0.5, 120)[:2] == pytest.approx(before[1], abs=0.02)

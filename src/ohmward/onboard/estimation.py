@@ -18,6 +18,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import after_first_voltage
@@ -33,7 +34,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.evidence import EVIDENCE
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
-from ohmward.quantities import GROUPS
+from ohmward.quantities import GROUPS, SECONDS_PER_HOUR
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
@@ -53,6 +54,9 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events reported by a person at the robot.
 CHANGED, RESET = "battery_changed", "pose_reset"
+#: Shortest silence of a battery's sensors in which somebody may have put in another battery [s]; after
+#: `CURRENT_GAP_S` the filter itself expects it.
+CHANGED_S = 10.0
 #: Length of the way home.
 HOME = "home_distance_m"
 #: Time after which a length of the way home is no longer used.
@@ -124,6 +128,8 @@ class Estimation:
         self._newest_drive_s, self.late_s = -math.inf, 0.0
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
+        #: Time of the last voltage of the battery.
+        self._voltage_s = -math.inf
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
         self.absence: tuple[float, SocNormal] | None = None
         #: That voltage, until the next one is like it, nan without one: one alone may not be the battery's.
@@ -279,6 +285,9 @@ class Estimation:
         assert self.soc is not None
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
+        if math.isfinite(voltage_V):
+            self._expect_another_battery(sample.time_s - self._voltage_s)
+            self._voltage_s = sample.time_s
         if self.absence and self._is_like_the_first(voltage_V):
             away_s, before = self.absence
             first = SocSample(away_s, current_A, voltage_V, self._temperature_degC)
@@ -299,6 +308,16 @@ class Estimation:
             )
         measured = {**sample.values, **self._taken_beside("battery")}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _expect_another_battery(self, silent_s: float) -> None:
+        """Let the first voltage after a silence of the battery contradict the charge before it."""
+        last = self.soc.last if self.soc else None
+        if last is None or self.battery is None or not CHANGED_S <= silent_s <= CURRENT_GAP_S:
+            return
+        known_A = abs(self.last_current_A) if math.isfinite(self.last_current_A) else 0.0
+        moved = known_A * silent_s / SECONDS_PER_HOUR / self.battery.capacity_Ah
+        self.absence = silent_s, SocNormal(float(last.soc), math.hypot(float(last.soc_std), moved))
+        self._first_V = math.nan
 
     def _is_like_the_first(self, voltage_V: float) -> bool:
         """True for a voltage like the one before, the first or second after an absence."""
