@@ -51,20 +51,19 @@ def main() -> None:
         print(f"{name}: done")
     rows += measured_rows()
     head = ("drives", "by", "error at the end over the way, mean", "NEES of the pose, mean (3 is right)")
-    PAGE.write_text(
-        "\n".join([*(__doc__ or "").splitlines()[2:], "", TEXT, "", *table(head, rows), ""]), encoding="utf-8"
-    )
+    PAGE.write_text("\n".join([TEXT, "", *table(head, rows), ""]), encoding="utf-8")
 
 
 #: What the page says before its table.
 TEXT = f"""\
-Written by `python benchmarks/pose_peers.py`. Simulated: {RUNS} drives each of [T]'s robot at 50 Hz, 1024 counts a turn,
+Written by `make pose-peers`. Simulated: {RUNS} drives each of [T]'s robot at 50 Hz, 1024 counts a turn,
 each with a radius (0.5 %), unequal wheels, and a scale and an offset of the gyro of its own; on our plant, on MuJoCo's,
 whose four fixed wheels scrub, and with ice under one driven wheel for {ICE_S:g} of every {EVERY_S:g} s. Measured:
 windows of {LAST * STEP_S:.2f} s of a skid-steered Clearpath Warthog with calibrated radius and track
-(`real_warthog_pose.py`), errors of chord and turn against lidar. {PEER} is a NumPy version of its documented
-arithmetic, with the noise of its documentation and of `diff_drive_controller`, and with the gyro less its mean at the
-first rest, as it has no state for the offset."""
+(`real_warthog_pose.py`), errors of chord and turn against lidar. Each gets the same samples and has its default
+settings; no drive here chose one of ohmward's. {PEER} is a NumPy version of its documented arithmetic, with
+the noise of its documentation and of `diff_drive_controller`, and the gyro less its mean at the first rest, as it has
+no state for the offset."""
 
 
 def drives() -> Iterator[tuple[str, list[Recording]]]:
