@@ -265,7 +265,7 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
     """The wheels of a robot, or from their names and the number of driven ones; InputError for anything else."""
     if hasattr(robot, "places") and driven in (None, robot.driven):
-        steered = hasattr(robot.chassis, "wheel_speeds")
+        steered = hasattr(getattr(robot, "chassis", None), "wheel_speeds")
         return Wheels(tuple(place.name for place in robot.places), robot.driven, steered)
     names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()
     if not names or driven is None or not 0 <= driven <= len(names):
