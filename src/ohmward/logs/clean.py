@@ -45,7 +45,7 @@ _STUCK_TURNS_OF_A_LOAD = 1
 _LARGE_MOVE, _BEYOND_NOISE, _BEYOND_STEP = 0.1, 6.0, 1.5
 #: A reading that stays the same for as long flickers elsewhere if it stays the same in at most this share of the other
 #: rows between which the current moves by less than this share of its largest, of which there are at least so many.
-_MOST_REPEATS, _STEADY_SHARE, _FEWEST_STEADY = 0.3, 0.01, 100
+_MOST_REPEATS, _UNMOVED_SHARE, _FEWEST_STEADY = 0.3, 0.01, 100
 # If fewer than this fraction of the currents have a voltage in their row, the two have different sampling rates.
 _TOGETHER_FRACTION = 0.5
 # Silences of a recorder of changes are filled up to this duration [s], each with at most this many rows.
@@ -53,7 +53,7 @@ _UNCHANGED_S, _MOST_COPIES = 60.0, 600
 # Fewest values of a column of changes, and the largest fraction of them that are distinct.
 _FEWEST_CHANGES, _DIFFERENT = 30, 0.25
 # This fraction of a column is sorted first: in most columns it has more distinct values than that.
-_BEGINNING = 0.3
+_SORTED_SHARE = 0.3
 # Current and voltage alternate if this fraction of the rows, of at least this many, follow one of the other kind.
 _IN_TURN, _FEWEST_IN_TURN = 0.9, 20
 
@@ -188,7 +188,7 @@ def _flickers(same: np.ndarray, current_A: np.ndarray, stretches: Sequence[tuple
     if not stretches:
         return False
     move_A = np.abs(np.diff(current_A, prepend=np.nan))
-    steady = move_A <= _STEADY_SHARE * float(np.nanquantile(np.abs(current_A), 0.99))
+    steady = move_A <= _UNMOVED_SHARE * float(np.nanquantile(np.abs(current_A), 0.99))
     for first, stop in stretches:
         steady[first:stop] = False
     return bool(np.count_nonzero(steady) >= _FEWEST_STEADY and same[steady].mean() <= _MOST_REPEATS)
@@ -369,7 +369,7 @@ def _are_changes(values: np.ndarray) -> bool:
     if known.size < _FEWEST_CHANGES:
         return False
     most = _DIFFERENT * known.size
-    beginning = known[: int(_BEGINNING * known.size)]
+    beginning = known[: int(_SORTED_SHARE * known.size)]
     return bool(np.unique(beginning).size <= most and np.unique(known).size <= most)
 
 

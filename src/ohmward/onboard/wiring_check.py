@@ -38,14 +38,14 @@ from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 
 #: In the running process the values of the last seconds are compared, or this many if those last longer.
-RECENT_S, FEWEST_RECENT = 30.0, 60
+CHECKED_S, FEWEST_RECENT = 30.0, 60
 
 #: Least time between two of them [s].
 _SPACING_S = 0.05
 
 #: Usual resistance: weight of the newest, largest factor from it of one that shows the current to be right, and longest
 #: interval between samples that show it [s].
-_NEWEST_WEIGHT, _CERTAINLY_ALIKE, _ALIKE_S = 0.2, 2.5, 10.0
+_RESISTANCE_WEIGHT, _CERTAINLY_ALIKE, _ALIKE_S = 0.2, 2.5, 10.0
 
 
 class SignalRecord(NamedTuple):
@@ -83,7 +83,7 @@ class Recorder:
 
     def __init__(self, recent: bool = False) -> None:
         self._recent = recent
-        most = int(RECENT_S / _SPACING_S) if recent else None
+        most = int(CHECKED_S / _SPACING_S) if recent else None
         self._rows: dict[str, deque[tuple[str, float, float]]] = defaultdict(partial(deque, maxlen=most))
 
     def put(self, source: str, time_s: float, values: Mapping[str, float]) -> None:
@@ -100,7 +100,7 @@ class Recorder:
             sources, times, values = zip(*rows, strict=True)
             time_s, first = np.array(times), 0
             if self._recent:
-                first = max(min(int(np.searchsorted(time_s, time_s[-1] - RECENT_S)), len(times) - FEWEST_RECENT), 0)
+                first = max(min(int(np.searchsorted(time_s, time_s[-1] - CHECKED_S)), len(times) - FEWEST_RECENT), 0)
             numbers = np.array(values, dtype=float)
             found[signal] = SignalRecord(tuple(sorted(set(sources))), time_s[first:], numbers[first:])
         return found
@@ -233,7 +233,7 @@ class CurrentCheck:
             ratio = measured_ohm / self.usual_ohm if math.isfinite(self.usual_ohm) else 1.0
             if not 1.0 / _CERTAINLY_ALIKE <= ratio <= _CERTAINLY_ALIKE:
                 return []
-            self.usual_ohm = measured_ohm * ratio ** (_NEWEST_WEIGHT - 1.0)
+            self.usual_ohm = measured_ohm * ratio ** (_RESISTANCE_WEIGHT - 1.0)
         return [Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")]
 
 

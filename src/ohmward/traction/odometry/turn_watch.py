@@ -31,10 +31,10 @@ SUSPECTED_S, WRONG_S, REVERSED_S, MOST_WRONG_S = 0.5, 2.0, 3.0, 10.0
 
 #: Least yaw rate [rad/s] that counts; the gyro's over the wheels' that is right, and that of wheels that do not scrub
 #: if one counts the other way.
-TURNING_RAD_S, RIGHT_SHARE, ROLLING_SHARE = 0.1, (0.3, 1.5), (0.7, 1.3)
+COUNTED_TURN_RAD_S, RIGHT_SHARE, ROLLING_SHARE = 0.1, (0.3, 1.5), (0.7, 1.3)
 
 #: Least ratio of gyro and wheels that is another unit; a second of that counts for several, as no slip explains it.
-LEAST_SCALE, SCALED_COUNTS = 3.0, 4.0
+OTHER_UNIT_RATIO, SCALED_COUNTS = 3.0, 4.0
 
 #: Turn [rad] on the spot, beyond that on the way, from which a robot without a gyro may drive straight on.
 MOST_SPINS_RAD = 6.0 * np.pi
@@ -110,17 +110,17 @@ def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Ro
     for known, rate in zip(before.reversed, turned, strict=True):
         wheels_rad_s = where(known, rate, wheels_rad_s)
     compared = rolled & measured
-    turning = compared & (abs(gyro_rad_s) > TURNING_RAD_S)
+    turning = compared & (abs(gyro_rad_s) > COUNTED_TURN_RAD_S)
     share = RIGHT_SHARE if robot.chassis.scrubs else ROLLING_SHARE
     alike = [turning & is_share(gyro_rad_s, rate, share) for rate in turned]
     unlike = logical_not(is_share(abs(gyro_rad_s), abs(encoder_rad_s), RIGHT_SHARE))
     explains = [unlike & condition for condition in alike]
-    straight = compared & logical_not(turning) & (abs(wheels_rad_s) > LEAST_SCALE * TURNING_RAD_S)
-    may_count_back = some([False, *alike, *(straight & (abs(rate) < TURNING_RAD_S) for rate in turned)])
+    straight = compared & logical_not(turning) & (abs(wheels_rad_s) > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S)
+    may_count_back = some([False, *alike, *(straight & (abs(rate) < COUNTED_TURN_RAD_S) for rate in turned)])
     right = turning & is_share(gyro_rad_s, wheels_rad_s, RIGHT_SHARE)
     encoder = may_count_back & logical_not(right)
     mirrored = turning & is_share(-gyro_rad_s, wheels_rad_s, RIGHT_SHARE) & logical_not(encoder)
-    is_faster = (abs(wheels_rad_s) > TURNING_RAD_S) & (abs(gyro_rad_s) > LEAST_SCALE * abs(wheels_rad_s))
+    is_faster = (abs(wheels_rad_s) > COUNTED_TURN_RAD_S) & (abs(gyro_rad_s) > OTHER_UNIT_RATIO * abs(wheels_rad_s))
     scaled = turning & is_faster & logical_not(encoder)
 
     scaled_s = where(scaled, SCALED_COUNTS * since_s, where(mirrored, -since_s, 0.0))
@@ -154,7 +154,7 @@ def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Ro
 
 def is_share(rate: Any, of: Any, limits: tuple[float, float]) -> Any:
     """The condition that a yaw rate is that share of one that counts, and has its sign."""
-    same = (rate * of > 0.0) & (abs(of) > TURNING_RAD_S)
+    same = (rate * of > 0.0) & (abs(of) > COUNTED_TURN_RAD_S)
     return same & between(abs(rate), limits[0] * abs(of), limits[1] * abs(of))
 
 
