@@ -237,9 +237,7 @@ class RangeSettings:
         battery_now = self.battery_now(state, self.reserve_soc)
         ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
         home_m = self.way_home(ahead, sample.home)
-        known = state.consumption
-        for stretch in (*ahead, *plan, *home_m):
-            known = with_terrain(known, stretch.terrain) if stretch.terrain else known
+        known = with_ground(state.consumption, (*ahead, *plan, *home_m))
         driven_s = _known(sample.drive.time_s - state.began_s, math.inf)
         of_home = replace(
             battery_now,
@@ -286,9 +284,7 @@ class RangeSettings:
             raise InputError("the charge is not known: wait for current and voltage of the battery")
         ground = [*self.way_home(self.ahead(state), way)]
         ground[-1:] = [last._replace(task_J=last.task_J + task_J) for last in ground[-1:]]
-        known = state.consumption
-        for stretch in ground:
-            known = with_terrain(known, stretch.terrain) if stretch.terrain else known
+        known = with_ground(state.consumption, ground)
         reserve = self.reserve_soc if reserve_soc is None else reserve_soc
         battery_now = replace(self.battery_now(state, reserve), peaks=peaks_of_way(known, ground, state.peak_ratio))
         return forecast_of(known, ground, self.battery, battery_now, is_known=isinstance(way, Sequence))
@@ -312,6 +308,13 @@ class RangeSettings:
             return tuple(map(stretch_of, home))
         share = max(home, 0.0) / total_distance_m(ahead)
         return tuple(part_of(stretch, share) for stretch in ahead)
+
+
+def with_ground(c: Consumption, stretches: Sequence[Stretch]) -> Consumption:
+    """The belief with the terrains of these stretches."""
+    for stretch in stretches:
+        c = with_terrain(c, stretch.terrain) if stretch.terrain else c
+    return c
 
 
 def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **limits: Any) -> BatteryState:

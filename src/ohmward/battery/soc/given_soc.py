@@ -89,12 +89,11 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     agree = float(weights @ like)
     if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
         return _restarted(settings, state, sample, settings.voltage_start.hypotheses(sample))
-
-    def seen(member: FilterState) -> FilterState:
-        update = filter_.correct(member, unpack(member.belief), clean)
-        return member._replace(belief=pack(update.belief), evidence=update.evidence)
-
-    return _of_each(seen, settings, state)
+    seen = tuple(
+        member._replace(belief=pack(update.belief), evidence=update.evidence)
+        for member, update in zip(members, updates, strict=True)
+    )
+    return state._replace(members=seen) if isinstance(settings, GaussianSumFilter) else seen[0]
 
 
 def longest_known_gap_s(settings: Any) -> float:
