@@ -119,6 +119,15 @@ def test_a_constant_or_an_attribute_that_was_changed_changes_the_key(monkeypatch
     assert key_of(step, (0.0,), ()) == as_it_is
 
 
+def test_an_array_that_was_changed_in_place_changes_the_key(monkeypatch):
+    points = np.zeros(3)
+    monkeypatch.setattr(voltage_faults, "OF_A_TEST", points, raising=False)
+    step = SocEstimator(BATTERY).settings.step
+    as_it_is = key_of(step, (0.0,), ())
+    points[1] = 1.0
+    assert key_of(step, (0.0,), ()) != as_it_is
+
+
 def test_functions_of_others_in_the_place_of_ours_are_not_kept(monkeypatch):
     monkeypatch.setattr(thevenin_filter, "clip", step)
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
@@ -127,6 +136,7 @@ def test_functions_of_others_in_the_place_of_ours_are_not_kept(monkeypatch):
 def test_nothing_is_stored_of_a_file_that_was_edited_meanwhile(monkeypatch):
     monkeypatch.setattr(reach, "_STARTED_UNIX_S", 0.0)
     reach._file_digest.cache_clear()
+    reach._DESCRIBED.clear()
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
 
 

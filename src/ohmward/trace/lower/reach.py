@@ -7,14 +7,15 @@ be changed in place, such as caches, or modules that are imported inside functio
 from __future__ import annotations
 
 import hashlib
+import operator
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,31 +40,64 @@ def reach_of(names: Iterable[str]) -> bytes:
         name = waiting.pop()
         if name not in seen:
             seen.add(name)
-            found[name], named = _described(sys.modules[name])
-            waiting += named
+            described = _described(sys.modules[name])
+            found[name] = described.digest
+            waiting += described.modules
     return hashlib.sha256("\0".join(found[name] for name in sorted(found)).encode()).digest()
 
 
-def _described(module: ModuleType) -> tuple[str, set[str]]:
-    """Text of a module's file and of its constants, and the modules of ohmward that it names."""
+class _Described(NamedTuple):
+    """A module as it was, and its description; its names and those of its classes then had these values."""
+
+    names: tuple[tuple[Mapping[str, Any], tuple[Any, ...]], ...]
+    digest: str  #: SHA-256 of the module's file and of its constants
+    modules: frozenset[str]  #: of ohmward, that it names
+
+    @property
+    def is_unchanged(self) -> bool:
+        """True where every name still has the same object as its value."""
+        return all(
+            len(now) == len(before) and all(map(operator.is_, now.values(), before)) for now, before in self.names
+        )
+
+
+#: A process that makes many kernels describes each module once.
+_DESCRIBED: dict[ModuleType, _Described] = {}
+
+
+def _described(module: ModuleType) -> _Described:
+    """The description of a module as it is now."""
+    if (before := _DESCRIBED.get(module)) and before.is_unchanged:
+        return before
     description = _Description()
     lines = [_file_digest(str(module.__file__))]
+    names: list[Mapping[str, Any]] = [vars(module)]
     for word, value in vars(module).items():
         if not word.startswith("__"):
             lines.append(f"{word}={description.of(value)}")
             if isinstance(value, type) and value.__module__ == module.__name__:
+                names.append(vars(value))
                 lines += [f"{w}={description.of(v)}" for w, v in vars(value).items() if not w.startswith("__")]
-    return "\n".join(lines), description.modules
+    found = _Described(
+        tuple((mapping, tuple(mapping.values())) for mapping in names),
+        hashlib.sha256("\n".join(lines).encode()).hexdigest(),
+        frozenset(description.modules),
+    )
+    if not description.can_change_in_place:
+        _DESCRIBED[module] = found
+    return found
 
 
 class _Description:
     """Texts of values; equal ones are equal in every process.
 
     modules: of ohmward, named so far.
+    can_change_in_place: a value so far does not stay what it is for as long as it is the same object.
     """
 
     def __init__(self) -> None:
         self.modules: set[str] = set()
+        self.can_change_in_place = False
 
     def of(self, value: Any) -> str:
         """Text of a value.
@@ -74,6 +108,7 @@ class _Description:
         if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
             return repr(value)
         if isinstance(value, np.ndarray):
+            self.can_change_in_place = True
             return f"{value.dtype}{value.shape}{value.tobytes()!r}"
         if isinstance(value, tuple):
             return f"({', '.join(map(self.of, value))})"
@@ -87,6 +122,7 @@ class _Description:
         if isinstance(home, str) and isinstance(name, str):
             return self._named(home, name)
         if is_dataclass(value):
+            self.can_change_in_place = True
             return self.of((type(value), *(getattr(value, field.name) for field in fields(value))))
         return type(value).__qualname__
 
