@@ -93,14 +93,24 @@ def rows() -> Iterator[LifeRow]:
         except InputError as refusal:
             print(f"{case.cell}, {case.tested}: {refusal}", file=sys.stderr)
             continue
-        yield from (lived(case, battery, recording, start) for start in case.starts)
+        for start in case.starts:
+            log, truth = _from(start, recording)
+            if np.isfinite(truth[log.time_s - log.time_s[0] >= case.settled_s]).any():
+                yield lived(case, battery, recording, start)
+            else:
+                print(f"{case.cell}, {case.lived}, {start.words}: over before it is judged", file=sys.stderr)
+
+
+def _from(start: Start, recording: Recording) -> Recording:
+    """The part of a recording from a start on."""
+    log, truth = recording
+    log = log.between(log.time_s[int(start.from_share * len(log))], np.inf)
+    return log, truth[-len(log) :]
 
 
 def lived(case: Case, battery: Battery, recording: Recording, start: Start) -> LifeRow:
     """The row of a case from one start."""
-    log, truth = recording
-    log = log.between(log.time_s[int(start.from_share * len(log))], np.inf)
-    truth = truth[-len(log) :]
+    log, truth = _from(start, recording)
     told = None if start.error is None else float(np.clip(truth[np.isfinite(truth)][0] + start.error, 0.0, 1.0))
     return life_row(
         case.chemistry,

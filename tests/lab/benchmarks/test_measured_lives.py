@@ -32,6 +32,17 @@ def test_a_battery_that_is_not_identified_is_skipped_with_a_message(monkeypatch,
     assert "cell, one trip: no rests" in capsys.readouterr().err
 
 
+def test_a_life_that_is_over_before_it_is_judged_is_skipped_with_a_message(monkeypatch, capsys):
+    log = cells.Log("drive", np.arange(0.0, 3000.0, 10.0), np.zeros(300), np.full(300, 3.7))
+    recording = cells.Recording(log, np.full(300, 0.5))
+    case = measured.Case("nmc", "cell", "label", "drive", lambda: generic_battery("nmc", 2.0), lambda: recording)
+    case = case._replace(starts=(measured.RIGHT, measured.Start("restart", from_share=0.5)))
+    monkeypatch.setattr(measured, "PARTS", (lambda: iter([case]),))
+    monkeypatch.setattr(measured, "lived", lambda *words: words[-1].words)
+    assert list(measured.rows()) == ["right"]
+    assert "cell, drive, restart: over before it is judged" in capsys.readouterr().err
+
+
 def test_a_start_reaches_the_estimator(monkeypatch):
     told: dict[str, Any] = {}
     monkeypatch.setattr(measured, "life_row", lambda *words, **options: told.update(words=words, options=options))
