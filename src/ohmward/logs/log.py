@@ -119,9 +119,16 @@ class Log(TimeSeries):
         known = np.isfinite(self.current_A)
         if not known.any():
             return np.full(len(self), np.nan)
-        current = np.interp(self.time_s, self.time_s[known], self.current_A[known])
-        mean = 0.5 * (current[1:] + current[:-1])
-        return np.concatenate([[0.0], np.cumsum(mean * self.dt_s)]) / SECONDS_PER_HOUR
+        current_A = self.current_A
+        if not known.all():
+            current_A = current_A.copy()
+            current_A[~known] = np.interp(self.time_s[~known], self.time_s[known], self.current_A[known])
+        charge = np.zeros(len(self))  # of one long log at a time: one array takes all steps
+        np.add(current_A[1:], current_A[:-1], out=charge[1:])
+        charge[1:] *= self.dt_s
+        np.cumsum(charge, out=charge)
+        charge /= 2.0 * SECONDS_PER_HOUR
+        return charge
 
     def temperature_along(self, otherwise_degC: float) -> np.ndarray:
         """(T,) [degC], straight lines where there is no credible one; `otherwise_degC` where the log has none."""

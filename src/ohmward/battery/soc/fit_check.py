@@ -113,7 +113,7 @@ def given_after_empty(battery: Battery, charge_Ah: np.ndarray, estimates: SocEst
     charge_Ah: (T,) counted along the log.
     """
     empty = estimates.soc < AFTER_EMPTY_SOC
-    moved_Ah = np.diff(charge_Ah, prepend=charge_Ah[0])[empty]
+    moved_Ah = np.diff(charge_Ah)[empty[1:]]
     return -float(np.nansum(moved_Ah)) / battery.capacity_Ah
 
 
@@ -150,7 +150,9 @@ def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
     used = np.isfinite(e.innovation_V) & (e.voltage_std_V > 0.0)
     if np.count_nonzero(used) < LEAST_INNOVATIONS:
         return math.nan
-    normalised = np.clip(e.innovation_V[used] / e.voltage_std_V[used], -LARGEST, LARGEST)
+    normalised = e.innovation_V[used]
+    normalised /= e.voltage_std_V[used]
+    np.clip(normalised, -LARGEST, LARGEST, out=normalised)
     begins = window_starts(time_s[used], LASTING_S, time_s[0] // LASTING_S * LASTING_S)
     means = np.add.reduceat(normalised, begins) / np.diff(begins, append=normalised.size)
     return float(np.sqrt(max(normalised @ normalised / normalised.size, np.mean(means**2))))
