@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from battery.test_log_reading import BATTERY as CELL
+from battery.test_log_reading import RAMP_S, pulses, ramp
 from fleet import examples
-from fleet.test_reading import BATTERY as CELL
-from fleet.test_reading import RAMP_S, pulses, ramp
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator

@@ -30,8 +30,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.charge_count import count_charge, find_gaps, known_current_A
 from ohmward.battery.identification.fit_samples import scan
-from ohmward.battery.identification.record import count_charge, find_gaps, known_current_A
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve

@@ -13,6 +13,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
+from ohmward.battery.log_reading import read_log_of
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
@@ -23,7 +24,6 @@ from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.filters.estimator import row_of
-from ohmward.fleet.reading import read_log_of
 from ohmward.logs import FileHints, Log
 from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells

@@ -22,6 +22,7 @@ from ohmward.battery.file import BATTERY_FILE, save_battery
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log
+from ohmward.battery.log_reading import read_log_of
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
@@ -29,7 +30,6 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, STD_OF, Estimator, SocEs
 from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.fleet.reading import read_log_of
 from ohmward.fleet.run import digest_of, failed, file_name, fingerprint
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions

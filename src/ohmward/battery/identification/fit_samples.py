@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.charge_count import begins_interval, find_gaps
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
-from ohmward.battery.identification.record import Record, begins_interval, find_gaps
+from ohmward.battery.identification.record import Record
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_hysteresis, next_state, pair_decays, voltage

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.identification.record import begins_interval, find_gaps
+from ohmward.battery.charge_count import begins_interval, find_gaps
 from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, sample_limits

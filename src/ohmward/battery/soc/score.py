@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.record import find_counter, find_gaps
+from ohmward.battery.charge_count import find_counter, find_gaps
 from ohmward.battery.soc.sample import LEARNT, SocEstimate, SocFlag
 from ohmward.checks import as_numbers
 from ohmward.errors import InputError

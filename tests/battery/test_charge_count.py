@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.identification.record import count_charge, find_counter, find_gaps
+from ohmward.battery.charge_count import count_charge, find_counter, find_gaps
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

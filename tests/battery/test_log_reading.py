@@ -8,8 +8,8 @@ import pytest
 import ohmward as ow
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.log_check import sign_by_model
+from ohmward.battery.log_reading import read_log_of
 from ohmward.fleet.job import Job
-from ohmward.fleet.reading import read_log_of
 from ohmward.logs.log import ReadOptions, UnknownSignError
 
 BATTERY = ow.generic_battery("nmc", 10.0)

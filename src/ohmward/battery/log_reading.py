@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import sign_by_model
-from ohmward.logs.log import Log, ReadOptions, UnknownSignError
-from ohmward.logs.table import Note, Progress, TableFile
+from ohmward.logs.log import Log, Note, Progress, ReadOptions, TableFile, UnknownSignError
 
 
 def read_log_of(
