@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, TextIO
 
 from ohmward.errors import OhmwardError
@@ -77,6 +78,18 @@ def write_text(path: Path, text: str | Iterable[str]) -> None:
     """
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines([text] if isinstance(text, str) else text)
+
+
+def require_writable(path: Path) -> None:
+    """Raise OhmwardError unless a file can be written, in folders that may be missing; leaves nothing behind."""
+    found = next(place for place in (path, *path.absolute().parents) if place.exists())
+    try:
+        if found == path:
+            path.open("ab").close()
+        else:
+            TemporaryFile(dir=found).close()
+    except OSError as error:
+        raise _refused(path, error) from error
 
 
 def open_to_append(path: Path) -> TextIO:

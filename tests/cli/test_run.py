@@ -109,14 +109,26 @@ def test_the_check_names_what_is_wrong(example):
     assert done.stderr == ""
 
 
-def test_the_check_of_a_robot_that_is_in_order_says_so(example):
-    text = (
-        (example / "robot.toml").read_text(encoding="utf-8").replace('kind = "page"', 'kind = "json-lines"\npath = "x"')
-    )
-    (example / "robot.toml").write_text(text, encoding="utf-8")
+def test_the_check_of_a_robot_that_is_in_order_says_so_and_leaves_nothing(example):
+    text = (example / "robot.toml").read_text(encoding="utf-8")
+    sinks = 'kind = "json-lines"\npath = "new/x"\n[[sink]]\nkind = "store"\nfolder = "new/rows"'
+    (example / "robot.toml").write_text(text.replace('kind = "page"', sinks), encoding="utf-8")
+    before = sorted(example.rglob("*"))
     done = ohmward("--check", "robot.toml", "--seconds", "3", "--json", cwd=example)
     assert done.returncode == 0, done.stdout
     assert json.loads(done.stdout)["passed"] is True
+    assert sorted(example.rglob("*")) == before
+
+
+def test_the_check_names_what_cannot_be_written(example):
+    (example / "taken").write_text("")
+    text = (example / "robot.toml").read_text(encoding="utf-8")
+    sinks = 'kind = "json-lines"\npath = "taken/x"\n[[sink]]\nkind = "store"\nfolder = "taken"'
+    (example / "robot.toml").write_text(text.replace('kind = "page"', sinks), encoding="utf-8")
+    done = ohmward("--check", "robot.toml", "--seconds", "1", cwd=example)
+    assert done.returncode == 1
+    for path in (Path("taken/x"), Path("taken/store.sqlite")):
+        assert f"{path}: cannot be written (Not a directory)" in done.stdout
 
 
 def test_strict_refuses_what_cannot_begin(example):

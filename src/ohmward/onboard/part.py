@@ -61,10 +61,10 @@ class Sink(Protocol):
 
 @runtime_checkable
 class ActingSink(Protocol):
-    """A sink that sends even without a state: commands, its status, rows that waited on the disk."""
+    """A sink that sends or writes even without a state: commands, its status, rows that waited, an empty file."""
 
     async def try_out(self) -> None:
-        """Open the destination without sending anything, until cancelled."""
+        """Open the destination without sending or leaving anything; return, or hold it open until cancelled."""
         ...
 
 

@@ -16,7 +16,7 @@ from ohmward.onboard.assembly import sinks_of
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import ActingSink, is_live, keep_running
+from ohmward.onboard.part import ActingSink, Sink, is_live, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, check_wiring
@@ -54,6 +54,14 @@ def try_setup(setup: Setup, seconds: float) -> Trial:
     return Trial(found, sorted([*found_live.values(), *checked], key=lambda finding: -finding.level))
 
 
+async def _open(sink: Sink) -> None:
+    """Open what a sink sends to, until cancelled; it gets no state."""
+    if isinstance(sink, ActingSink):
+        await sink.try_out()
+        await asyncio.Event().wait()
+    await sink.run(Feed())
+
+
 async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str, Diagnostic]:
     """Run sources and sinks for `seconds`, or until every source has ended; return the worst condition of each."""
     found_live: dict[str, Diagnostic] = {}
@@ -70,11 +78,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         recorder.put(message.source, message.received_s, message.values)
 
     simulated, driving = connect_simulated_drives(setup.source, sinks_of(setup))
-    # a sink opens what it sends to, and gets no state
-    trials = {
-        sink.name: sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed()) for sink in driving
-    }
-    sinks = [asyncio.create_task(keep_running(f"sink {name}", run, report)) for name, run in trials.items()]
+    sinks = [asyncio.create_task(keep_running(f"sink {sink.name}", partial(_open, sink), report)) for sink in driving]
     sources = [
         asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, put), report))
         for source in simulated

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from ohmward.atomic import open_to_append
+from ohmward.atomic import open_to_append, require_writable
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.robot_state import plain_state
@@ -37,6 +37,11 @@ class JsonLinesSink:
         except OSError as error:  # of a write, or of the close that writes what is left
             fix = "check the path, and that the disk is not full"
             raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); {fix}") from error
+
+    async def try_out(self) -> None:
+        """Look whether the file can be written."""
+        if self.path != "-":
+            require_writable(Path(self.path))
 
     def _opened(self) -> TextIO:
         """The file, in a folder that is created if missing."""

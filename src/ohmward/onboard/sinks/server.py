@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import urllib.parse
@@ -63,7 +62,6 @@ class InfluxSink:
     async def try_out(self) -> None:
         """Look for the secret; rows that wait in the spool stay there."""
         secret("token", self.token)
-        await asyncio.Event().wait()
 
 
 #: Status of a server that has stored the rows: 204. A page with status 200 is from a proxy or another server.
@@ -128,7 +126,6 @@ class PostgresqlSink:
     async def try_out(self) -> None:
         """Look for the secret; rows that wait in the spool stay there."""
         secret("password", self.password)
-        await asyncio.Event().wait()
 
 
 #: A server that does not answer within this is away [s].

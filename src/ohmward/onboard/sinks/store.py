@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from ohmward.atomic import require_writable
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import LOG
 from ohmward.onboard.store.delivery import done_in_thread, until_taken
 from ohmward.onboard.store.rows import RowMaker
-from ohmward.onboard.store.store import Store
+from ohmward.onboard.store.store import DATABASE, Store
 from ohmward.quantities import DAY_S
 
 #: Time between two searches for past days and excess files.
@@ -56,6 +57,13 @@ class StoreSink:
                 await asyncio.sleep(0.0 if feed.ended else self.commit_s)
         finally:
             await asyncio.to_thread(store.close)
+
+    async def try_out(self) -> None:
+        """Look whether the store can be read, if there is one, and written."""
+        database = Path(self.folder) / DATABASE
+        if database.exists():
+            Store(Path(self.folder), read_only=True).close()
+        require_writable(database)
 
     async def _clean(self, store: Store, unix_s: float, feed: Feed) -> None:
         """Clean the store; if that fails, name the reason and go on storing rows."""

@@ -54,7 +54,6 @@ class WebhookSink:
     async def try_out(self) -> None:
         """Look for the secrets without sending anything."""
         self._address()
-        await asyncio.Event().wait()
 
     def messages(self, state: RobotState, known: Mapping[str, Alarm]) -> Iterator[dict[str, Any]]:
         """Messages about the alarms raised or ended since the previous state; known: alarms of that state."""

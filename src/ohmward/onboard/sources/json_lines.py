@@ -158,7 +158,8 @@ class JsonLinesSource:
             return (await loop.create_unix_connection(reader, self.address))[0]
         except OSError as error:
             raise OhmwardError(
-                f"no connection to {self.address} ({error.strerror or error}); is it listening?"
+                f"no connection to {self.address} ({error.strerror or error}); is it listening? "
+                "If it connects to this process instead: listen = true"
             ) from error
 
 
