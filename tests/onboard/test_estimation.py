@@ -204,6 +204,20 @@ def test_the_range_needs_battery_and_robot(battery):
     assert Estimation(battery).range is None
 
 
+@pytest.mark.parametrize("left", [{}, {"yaw_rate_rad_s": 0.0}])
+def test_the_range_learns_nothing_while_no_speed_is_measured(battery, left):
+    """The wheels fall silent while the robot stands; what the battery then gives is not what it takes to stand."""
+    estimation: Any = Estimation(battery, RLMA)
+    learnt = {}
+    for k in range(4000):
+        wheels = {f"wheel_speed_rad_s.{place}": 8.0 * (k < 1200) for place in PLACES} if k < 1500 else left
+        load_A = -0.5 if 1200 <= k < 1500 else -3.0
+        estimation.put(0.1 * k, wheels | {"battery_current_A": load_A, "battery_voltage_V": 15.0})
+        learnt[k] = estimation.range.consumption, estimation.range.state.recent
+    assert learnt[1800] != learnt[1199]
+    assert learnt[3999] == learnt[1800]
+
+
 def test_another_battery_begins_with_its_first_voltage(battery):
     """It was half empty, and another one, nearly full, is put in; an event that stays is one."""
     estimation, alone = Estimation(battery), SocEstimator(battery)

@@ -153,7 +153,8 @@ class Estimation:
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
-        self._measured: set[str] = set()  #: quantities of the drive measured so far
+        #: Time of the last drive sample with a speed; -inf before the first.
+        self._speed_s = -math.inf
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
 
@@ -301,7 +302,7 @@ class Estimation:
             self.totals = self.totals.after_battery(dt_s, current_A, voltage_V, self.battery.capacity_Ah)
         reach = None
         if self.range:
-            speed_m_s = self._travel_speed_m_s()
+            speed_m_s = self._travel_speed_m_s(sample.time_s)
             self.range.state = self.range.state._replace(forecast_s=time_s)  # made by `forecast` instead
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
@@ -326,10 +327,13 @@ class Estimation:
         before_V, self._first_V = self._first_V, voltage_V
         return abs(voltage_V - before_V) <= JUMP_SHARE * self.battery.thevenin.ocv.voltage_V[-1]
 
-    def _travel_speed_m_s(self) -> float | None:
-        """Speed for the range: forward, or in any direction for an omni-directional robot."""
-        if self.state.slip is None or self.robot is None or self.robot.freedoms < 3:
-            return self.state.slip.speed_m_s if self.state.slip else None
+    def _travel_speed_m_s(self, time_s: float) -> float | None:
+        """Speed for the range: forward, or in any direction for an omni-directional robot; None if none is recent."""
+        is_recent = abs(time_s - self._speed_s) <= USUAL_S + self._delay_s
+        if self.state.slip is None or self.robot is None or not is_recent:
+            return None
+        if self.robot.freedoms < 3:
+            return self.state.slip.speed_m_s
         return float(travel_speed(motion_of(self.robot, self.state.slip)))
 
     def _update_cells(self, sample: MeanSample) -> None:
@@ -358,8 +362,9 @@ class Estimation:
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
         measured = {**self._signals(sample), **self._taken_beside("drive")}
-        self._measured |= {name for name, value in sample.items() if np.isfinite(value).any()}
-        if not self._measured & EVIDENCE["drive"]:
+        found = {name for name, value in sample.items() if np.isfinite(value).any()} & EVIDENCE["drive"]
+        self._speed_s = sample["time_s"] if found else self._speed_s
+        if self._speed_s == -math.inf:
             return self._after(sample["time_s"], measured, drive_time_s=sample["time_s"])
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name not in NOT_OF_ODOMETRY}
