@@ -121,6 +121,14 @@ def test_a_sample_of_the_drive_is_estimated_at_once():
     assert last(states).pose.x_m == pytest.approx(last(states).pose.distance_m)
 
 
+def test_a_drive_after_a_long_silence_is_not_late():
+    estimation = Estimation(robot=RLMA)
+    for time_s in (0.0, 0.1, 3600.0, 3600.1, 3599.0):
+        estimation.put(time_s, {f"wheel_speed_rad_s.{place}": 2.0 for place in PLACES})
+    assert (estimation.late, estimation.late_s) == (1, pytest.approx(1.1))
+    assert estimation.state.drive_time_s == 3600.1
+
+
 def test_without_a_wheel_there_is_no_speed():
     """An inertial unit reports from the start, a wheel from 1 s on."""
     estimation = Estimation(robot=RLMA)

@@ -124,8 +124,10 @@ class Estimation:
         self.inbox = None
         if robot:
             self.inbox = SensorInbox(robot, self._delay_s, counts_per_turn=self.counts_per_turn, prompt=True)
-        #: Time of the newest drive message, and by how much the latest one that was left out came after it [s].
-        self._newest_drive_s, self.late_s = -math.inf, 0.0
+        #: Time of the newest drive message.
+        self._newest_drive_s = -math.inf
+        #: Number of drive messages that came too late, and the largest lateness that a delay mends [s].
+        self.late, self.late_s = 0, 0.0
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
         #: Time of the last voltage of the battery.
@@ -215,8 +217,10 @@ class Estimation:
         if self.inbox and parts.drive:
             left_out = self.inbox.left_out
             self.inbox.put(time_s, **parts.drive_message(values))
-            if self.inbox.left_out > left_out and 0.0 < self._newest_drive_s - time_s < LONGEST_DELAY_S:
-                self.late_s = max(self.late_s, self._newest_drive_s - time_s)
+            late_s = self._newest_drive_s - time_s
+            if self.inbox.left_out > left_out and late_s > 0.0:  # not the first message after a long silence
+                self.late += 1
+                self.late_s = late_s if self.late_s < late_s < LONGEST_DELAY_S else self.late_s
             self._newest_drive_s = max(self._newest_drive_s, time_s)
             states += [self._drive_state(sample) for sample in self.inbox.take()]
         if parts.reported:

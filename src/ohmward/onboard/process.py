@@ -287,11 +287,11 @@ class Process:
                 self.report(diagnostic)
             for sink, feed in self.sinks:
                 self.report(_delivery(sink.name, feed))
-            if inbox := self.estimation.inbox:
-                if inbox.left_out != self._left_out:
-                    self._left_out, self._late_s = inbox.left_out, self.now_s()
-                is_late = self.now_s() - self._late_s < LATE_FOR_S
-                self.report(_lateness(is_late, inbox.left_out, self.estimation.late_s))
+            if self.estimation.inbox:
+                late, late_s = self.estimation.late, self.estimation.late_s
+                if late != self._left_out:
+                    self._left_out, self._late_s = late, self.now_s()
+                self.report(_lateness(self.now_s() - self._late_s < LATE_FOR_S, late, late_s))
             if charge := self.estimation.state.battery:
                 self.report(_fit(charge))
             if self.clock.now_s() - self._passed_s > IDLE_S:
