@@ -12,7 +12,7 @@ from launch_ros.substitutions import FindPackageShare
 #: parameters wins over them.
 TEXTS = {
     "battery": ("", "battery file"),
-    "robot": ("", "robot file, rlma, robotino or seeder"),
+    "robot": ("", "robot file, or a packaged robot such as rlma"),
     "setup": ("", "setup of `ohmward run`, instead of both"),
     "bagfile": ("", "a bag to play, with its clock; nothing of it is kept"),
     "battery_state_in": ("battery/raw", "topic of the driver of the battery"),

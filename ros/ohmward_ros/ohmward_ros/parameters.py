@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 #: Values of these are topics.
-IN = ("battery_state_in", "joint_states", "imu", "odometry_in", "twist_in")
-OUT = ("battery_state", "odometry", "twist", "diagnostics")
+IN = ("battery_state_in", "joint_states", "imu", "odometry_in", "twist_in", "home_path")
+OUT = ("battery_state", "odometry", "twist", "diagnostics", "home")
 
 PARAMETERS: dict[str, tuple[Any, str]] = {
     "battery": ("", "battery file; ~ is the home. `ohmward generic` or `ohmward identify` writes one"),
-    "robot": ("", "robot file, or rlma, robotino or seeder; without it no speed, slip and pose"),
+    "robot": ("", "robot file, or a packaged robot such as rlma; without it no speed, slip and pose"),
     "setup": ("", "setup of `ohmward run` with further sources and sinks, whose battery and robot count"),
     "bagfile": ("", "bag that is played: times are those of /clock, and nothing is kept for the robot"),
     "state": ("", "folder of what survives a restart; by default below ROS_HOME, one for each namespace and node"),
@@ -21,14 +21,16 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     "imu": ("imu/data", "topic in, sensor_msgs/Imu; empty: none"),
     "odometry_in": ("", "topic in, nav_msgs/Odometry of cameras, lidar or GNSS, never of wheels; empty: none"),
     "twist_in": ("", "topic in, geometry_msgs/TwistWithCovarianceStamped of the same, x along the robot; empty: none"),
+    "home_path": ("", "topic in, nav_msgs/Path from the robot to where it charges: the way home; empty: none"),
     "joints": ([""], "wheel=joint, where front_left_wheel_joint is not the wheel front_left"),
     "imu_rpy": ([0.0, 0.0, 0.0], "roll, pitch and yaw of the inertial unit in base_frame [rad]"),
     "battery_state": ("battery_state", "topic out, sensor_msgs/BatteryState; empty: none"),
     "odometry": ("ohmward/odometry", "topic out, nav_msgs/Odometry; empty: none"),
     "twist": ("ohmward/twist", "topic out, geometry_msgs/TwistWithCovarianceStamped; empty: none"),
     "diagnostics": ("/diagnostics", "topic out, diagnostic_msgs/DiagnosticArray; empty: none"),
+    "home": ("", "topic out, BatteryState whose percentage is the probability of reaching home; empty: none"),
     "odom_frame": ("odom", "frame of the pose"),
-    "base_frame": ("base_link", "frame of the robot, at its centre of gravity"),
+    "base_frame": ("base_link", "frame of the robot, between the driven or rear wheels; else at its centre of gravity"),
     "publish_tf": (False, "send the transform from odom_frame to base_frame on /tf; nobody else may"),
     "interval_s": (0.02, "least time between two messages of odometry and twist on average [s]"),
     "slow_s": (0.5, "the same of battery_state and diagnostics [s]"),

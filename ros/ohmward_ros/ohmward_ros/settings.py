@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source
-from ohmward_ros.parameters import OUT, PARAMETERS
+from ohmward_ros.parameters import IN, OUT, PARAMETERS
 
 #: Parameters that are settings of the sink by the same name.
 _OF_SINK = (*OUT, "odom_frame", "base_frame", "publish_tf", "interval_s", "slow_s", "percentage")
@@ -32,11 +32,7 @@ def setup_of(parameters: Mapping[str, Any], node: str = "ohmward", namespace: st
     battery, robot, setup_path, state = (_path(p[name]) for name in ("battery", "robot", "setup", "state"))
     source = Ros2Source(
         **network,
-        battery_state=p["battery_state_in"],
-        joint_states=p["joint_states"],
-        imu=p["imu"],
-        odometry=p["odometry_in"],
-        twist=p["twist_in"],
+        **{name.removesuffix("_in"): p[name] for name in IN},
         joints=dict(map(_joint, filter(None, p["joints"]))),
         imu_rpy=tuple(p["imu_rpy"]),
         live=live,

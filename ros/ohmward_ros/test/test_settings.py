@@ -14,10 +14,12 @@ CONFIG = Path(__file__).parents[1] / "config" / "ohmward.yaml"
 
 
 def test_parameters_become_source_and_sink():
-    setup = setup_of({"robot": "rlma", "imu": "", "odometry": "odom"}, "ohmward", "/robot1")
+    topics = {"imu": "", "odometry": "odom", "odometry_in": "gnss", "home_path": "plan", "home": "home"}
+    setup = setup_of({"robot": "rlma"} | topics, "ohmward", "/robot1")
     (source,), (sink,) = setup.source, setup.sink
     assert (setup.robot, setup.battery) == ("rlma", None)
     assert (source.joint_states, source.imu, source.namespace) == ("joint_states", "", "/robot1")
+    assert (source.odometry, source.home_path, sink.home) == ("gnss", "plan", "home")
     assert (sink.odometry, sink.twist, sink.transport) == ("odom", "ohmward/twist", "rclpy")
 
 
