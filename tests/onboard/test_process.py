@@ -117,6 +117,21 @@ def test_what_waits_for_other_messages_is_estimated_at_the_end(battery):
     assert len(sink.states) == 4
 
 
+def test_a_sample_that_waited_through_a_silence_is_no_step_back_in_time(battery):
+    """The last message of the drives is of the gyro alone, whose sample ends with the next one."""
+    now_s = time.monotonic() - 9.0
+    messages = [Message(math.nan, now_s + 0.1 * k, "script", moving(PACK, k)) for k in range(80)]
+    for k in (*range(20), 70):
+        messages.append(Message(math.nan, now_s + 0.1 * k + 0.01, "script", moving(WHEELS, k)))
+    messages.append(Message(math.nan, now_s + 1.95, "script", {"yaw_rate_rad_s": 0.1}))
+    messages.sort(key=lambda message: message.received_s)
+    sink = Collector()
+    run(Process(Estimation(battery, load_robot("rlma")), [Script(messages, then=EndedError("done"))], [sink]))
+    times_s = [state.time_s for state in sink.states]
+    assert times_s == sorted(times_s)
+    assert min(np.diff([state.unix_s for state in sink.states])) > -0.1
+
+
 def test_the_last_state_is_as_of_now_however_old_what_waited_is(battery):
     """A wheel is silent, then the current alone comes once, and nothing for long: the speed is not shown again."""
     now_s = time.monotonic()

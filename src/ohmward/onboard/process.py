@@ -168,7 +168,7 @@ class Process:
         self._arrivals = Arrivals(self._own)
         self._dates = MessageDates()
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
-        self._calendar_s = math.nan
+        self._calendar_s, self._newest_s = math.nan, -math.inf
         promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
         known = self.estimation
         self.watch = SensorWatch(known.battery, known.robot, promised, counts_per_turn=known.counts_per_turn)
@@ -314,7 +314,9 @@ class Process:
                 self.estimation.take_forecast(await asyncio.to_thread(compute))
 
     def _pass_on(self, state: RobotState) -> None:
-        self._passed_s = self.clock.now_s()
+        """Pass a state on as of its time, or of the newest one before it: a late sample is no step back in time."""
+        self._passed_s, self._newest_s = self.clock.now_s(), max(self._newest_s, state.time_s)
+        state = state._replace(time_s=self._newest_s)
         behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows its own time
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
         if math.isfinite(self._calendar_s):
