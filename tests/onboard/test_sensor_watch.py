@@ -284,6 +284,8 @@ def test_the_second_source_takes_over_where_the_first_is_silent(battery):
         if t < 5.0:
             watch.take("can0", t, t, {"battery_voltage_V": 13.0})
         used = watch.take("mqtt", t, t, {"battery_voltage_V": 12.0 + 1e-3 * k})
+        if 0.0 < t - 5.95 < 0.11:  # just taken over
+            assert [d.message for d in watch.look(t) if d.level != Level.OK] == []
     assert used
     assert [d for d in watch.look(10.0) if d.level != Level.OK] == []
 

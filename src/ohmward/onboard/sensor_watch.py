@@ -413,7 +413,7 @@ class SensorWatch:
     def _takes_over(self, sensor: WatchedSensor, source: str, received_s: float) -> bool:
         """True if the signal's previous source is silent; otherwise it is doubled, and the new source is left out."""
         if sensor.is_silent(received_s):
-            sensor.source, sensor.doubled_by = source, ""
+            sensor.source, sensor.doubled_s = source, -math.inf
             return True
         sensor.doubled_by, sensor.doubled_s = source, received_s
         return False
