@@ -70,6 +70,7 @@ def test_the_view_has_bands_power_and_wheels_by_name():
     state = drive()[-1]._replace(sample={"battery_current_A": -3.0, "battery_voltage_V": 13.0, **drive()[-1].sample})
     shown = view(state)
     assert shown["charge"]["low"] < shown["charge"]["soc"] < shown["charge"]["high"]
+    assert shown["charge"]["soh_capacity_band"] > 0.0 and shown["charge"]["resistance_ratio_band"] > 0.0
     assert [wheel["name"] for wheel in shown["drive"]["wheels"]] == ["front_left", "front_right"]
     power = shown["power"]
     assert power["battery_W"] == pytest.approx(39.0)

@@ -66,7 +66,7 @@ class History {
     this.place = place;
     this.plot = new uPlot({
       width: place.clientWidth, height: 150, legend: { show: false }, cursor: { show: false }, series,
-      axes: [{ ...axis, values: dates }, { ...axis, size: 46 }], scales: { x: { time: true }, y: line.scale || {} },
+      axes: [{ ...axis, values: dates, space: 100 }, { ...axis, size: 46 }], scales: { x: { time: true }, y: line.scale || {} },
       bands: band ? [{ series: [3, 2], fill: () => colour("blue") + "40" }] : [],
     }, [[], [], ...(band ? [[], []] : [])], place);
     new ResizeObserver(() => this.plot.setSize({ width: place.clientWidth, height: 150 })).observe(place);

@@ -52,8 +52,10 @@ function showCharge(charge) {
   say("current", isKnown(charge.current_A) ? `${Math.abs(charge.current_A).toFixed(1)} A ${charge.current_A > 0.05 ? "in" : charge.current_A < -0.05 ? "out" : ""}` : "–");
   say("temperature", fixed(charge.temperature_degC, 0, " °C"));
   at("beside").replaceChildren(...charge.beside.map(reading));
-  say("capacity", isKnown(charge.soh_capacity) ? `${(100 * charge.soh_capacity).toFixed(0)} % of the file's` : "–");
-  say("resistance", isKnown(charge.resistance_ratio) ? `${(100 * charge.resistance_ratio).toFixed(0)} % of the file's` : "–");
+  for (const [id, name] of [["capacity", "soh_capacity"], ["resistance", "resistance_ratio"]]) {
+    const share = (key) => (100 * charge[key]).toFixed(0);
+    say(id, isKnown(charge[name]) ? `${share(name)} ± ${share(`${name}_band`)} % of the file's` : "–");
+  }
 }
 
 function reading(one) {
