@@ -147,6 +147,16 @@ def test_a_clock_that_was_set_back_does_not_stop_the_history():
     assert len(dashboard.history()["soc"]) == 2
 
 
+def test_rows_of_dates_that_have_not_come_yet_are_dropped():
+    """The wall clock is set back by 20 minutes while the robot drives on."""
+    dashboard, state = Dashboard("rover"), drive()[-1]
+    for k in range(90):
+        unix_s = 6000.0 + 60.0 * k - (1230.0 if k >= 60 else 0.0)
+        dashboard.take([state._replace(time_s=60.0 * k, unix_s=unix_s)])
+    before, after = [6000.0 + 60.0 * k for k in range(40)], [8370.0 + 60.0 * k for k in range(30)]
+    assert dashboard.history()["unix_s"] == [*before, *after]
+
+
 def test_the_value_of_a_silent_sensor_is_not_shown():
     dashboard = filled_dashboard()
     silent = drive()[-1].diagnostics[1]._replace(level=Level.STALE)

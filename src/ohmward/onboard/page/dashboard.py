@@ -95,6 +95,8 @@ class Dashboard:
     def _remember(self, state: RobotState) -> None:
         if not 0.0 <= state.time_s - self._row_s < ROW_S:
             self._row_s = state.time_s
+            while self._rows and self._rows[-1][0] > state.unix_s:  # the wall clock was set back
+                self._rows.pop()
             self._rows.append(history_row(state.unix_s, columns_of(self._whole(state))))
         if state.pose is not None:
             point = float(state.pose.x_m), float(state.pose.y_m)

@@ -157,6 +157,11 @@ function listSensors() {
 function extendHistory(state) {
   if (!history || !isKnown(state.unix_s)) return;
   const last = history.unix_s.at(-1) || 0;
+  if (state.unix_s < last) { // the robot's clock was set back
+    history = null;
+    fetchHistory().catch(() => {});
+    return;
+  }
   if (state.unix_s - last < SPANS[span].step) return;
   const row = { unix_s: state.unix_s, soc: state.charge?.soc, soc_low: state.charge?.low, soc_high: state.charge?.high,
     speed_m_s: state.drive?.speed_m_s, power_W: state.power?.battery_W };
