@@ -40,6 +40,7 @@ def test_the_numbers_come_without_an_error_and_fit(opened):
     assert page.inner_text("#robot") == "rover <1>"
     assert page.title() == "rover <1>"
     assert "%" in page.inner_text("#soc-sentence")
+    assert "± " in page.inner_text("#capacity") and page.inner_text("#resistance") == "–"  # of a label alone
     assert page.inner_text("#wheels tr:first-child td:first-child") == "front left"
     assert "battery_voltage_V: reads 99" in page.inner_text("#alarm") and "<b>more</b>" in page.inner_text("#alarm")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

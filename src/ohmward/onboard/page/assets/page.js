@@ -53,8 +53,8 @@ function showCharge(charge) {
   say("temperature", fixed(charge.temperature_degC, 0, " °C"));
   at("beside").replaceChildren(...charge.beside.map(reading));
   for (const [id, name] of [["capacity", "soh_capacity"], ["resistance", "resistance_ratio"]]) {
-    const share = (key) => (100 * charge[key]).toFixed(0);
-    say(id, isKnown(charge[name]) ? `${share(name)} ± ${share(`${name}_band`)} % of the file's` : "–");
+    const [value, band] = [100 * charge[name], 100 * charge[`${name}_band`]];
+    say(id, band < value ? `${value.toFixed(0)} ± ${band.toFixed(0)} % of the file's` : "–"); // else not known
   }
 }
 
