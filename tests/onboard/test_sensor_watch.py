@@ -390,11 +390,12 @@ def test_a_voltage_that_the_battery_cannot_have_is_left_out(battery, voltage_V):
 
 def test_the_files_of_another_robot_are_named(battery):
     def strange(values):
-        return values | {"wheel_speed_rad_s.middle": 1.0}
+        return values | {"wheel_speed_rad_s.middle": 1.0, "wheel_counts.0": 7.0}
 
     other = Robot(generic_battery("nmc", 50.0, 14), strange).run()
     wrong = other.wrong()
-    assert wrong.keys() == {"battery_voltage_V", "wheel_speed_rad_s.middle"}
+    assert wrong.keys() == {"battery_voltage_V", "wheel_speed_rad_s.middle", "wheel_counts.0"}
+    assert wrong["wheel_counts.0"].startswith("counts need counts_per_turn")
     assert re.match(
         r"reads 1[23].*, which cannot be, plausible are 26.* to .*; check its unit", wrong["battery_voltage_V"]
     )

@@ -82,7 +82,7 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
     for signal, fault in wiring_faults(setup, estimation.robot):
         if setup.strict:
             raise InputError(f"{signal}: {fault}")
-        process.report(Diagnostic(f"wiring of {signal}", Level.ERROR, fault))
+        process.report(Diagnostic(signal, Level.ERROR, fault))
     return process
 
 

@@ -23,7 +23,7 @@ from ohmward.onboard.message import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import CurrentCheck, Recorder, check_wheels
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
-from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
+from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_number, stuck
 from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
@@ -117,7 +117,7 @@ class WatchedSensor:
     bad: int = 0  #: values outside the limits since the last look
     bad_value: float = math.nan  #: the last of them
     good: int = 0  #: other values since the last look
-    absent: str = ""  #: sentence if the robot has no such wheel or motor
+    absent: str = ""  #: sentence if it cannot be used: the robot has no such wheel or motor, counts are in no unit
     plausible: ValueLimits = _ANY  #: lowest and highest value on this robot
     doubled_by: str = ""  #: other source that sends it too
     doubled_s: float = -math.inf  #: when that source last sent it
@@ -390,7 +390,10 @@ class SensorWatch:
         lowest, highest = plausible if quantity.name == "battery_voltage_V" else quantity.limits
         move = self._moves().get(quantity.name, math.inf)
         sensor = self.sensors[signal] = WatchedSensor(signal, source, lowest, highest, move)
-        sensor.absent = no_such_part(signal, self.robot)
+        if absent := no_such_part(signal, self.robot):
+            sensor.absent = f"{absent}; leave it out of {source}, or correct the robot file"
+        elif quantity.name == "wheel_counts" and self.counts_per_turn is None:
+            sensor.absent = NOT_COUNTED
         sensor.plausible = plausible
         sensor.compared = quantity.name in _COMPARED and not sensor.absent
         for name, quantities in EVIDENCE.items():
@@ -454,7 +457,7 @@ class SensorWatch:
 
 def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.absent:
-        return Level.ERROR, f"{sensor.absent}; leave it out of {sensor.source}, or correct the robot file"
+        return Level.ERROR, sensor.absent
     if sensor.is_silent(now_s):
         return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
     if sensor.wrong and not (sensor.bad and math.isnan(sensor.bad_value)):
