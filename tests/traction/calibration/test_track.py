@@ -1,5 +1,6 @@
-"""A skid-steered robot in two steps: the radius from straight stretches, the effective track from turns."""
+"""The radius from straight stretches, and from turns the size to which the yaw rate is proportional."""
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,8 @@ from ohmward.traction import RLMA, ROBOTINO, RobotInput, SkidSteer, hard_terrain
 from ohmward.traction.calibration import CalibrationDrive, calibrate, calibrate_radius, calibrate_track
 from ohmward.traction.calibration.calibrate import usual_parts
 from ohmward.traction.odometry.model import RADIUS_STD
+from ohmward.traction.robot.chassis import Omni, Steered
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.robot.robot import free_sideways, motion_from_wheels
 
 SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
@@ -56,14 +59,14 @@ def test_the_radius_is_that_of_straight_stretches_whatever_turns_cost():
 def test_the_track_of_wheels_that_roll_is_the_track():
     four = replace(RLMA, chassis=replace(chassis(RLMA), driven="all"))
     robot = replace(four, wheel=replace(RLMA.wheel, radius_m=RADIUS_M))
-    found = calibrate_track([kinematic(*motion, robot=four, effective_m=0.31) for motion in MOTIONS], robot)
+    (found,) = calibrate_track([kinematic(*motion, robot=four, effective_m=0.31) for motion in MOTIONS], robot)
     assert (found.name, found.value) == ("chassis.track_m", pytest.approx(0.31, rel=1e-9))
     assert "track" not in usual_parts(four)
     assert "track" in usual_parts(SKID)
 
 
 def test_a_robot_that_never_turns_keeps_its_track():
-    found = calibrate_track([kinematic(0.5, 0.0)], SKID)
+    (found,) = calibrate_track([kinematic(0.5, 0.0)], SKID)
     assert not found.identified
     assert "hardly turns" in found.reason
     assert found.value == 0.30
@@ -71,14 +74,51 @@ def test_a_robot_that_never_turns_keeps_its_track():
 
 def test_a_truth_without_yaw_rate_is_named():
     drives = [drive._replace(motion=drive.motion * [1.0, 1.0, 0.0]) for drive in (kinematic(*m) for m in MOTIONS)]
-    found = calibrate_track(drives, SKID)
+    (found,) = calibrate_track(drives, SKID)
     assert not found.identified
     assert "no yaw rate was measured" in found.reason
 
 
-def test_an_omni_robot_has_no_track():
-    with pytest.raises(InputError, match="has no left and right side"):
-        calibrate_track([], ROBOTINO)
+def test_a_gyro_with_an_offset_shows_the_track_by_its_rests():
+    four = replace(RLMA, chassis=replace(chassis(RLMA), driven="all"), wheel=replace(RLMA.wheel, radius_m=RADIUS_M))
+    drives = [kinematic(*motion, robot=four, effective_m=0.31) for motion in ((0.4, 0.6), (0.3, 0.8), (0.0, 0.0))]
+    (found,) = calibrate_track([drive._replace(motion=drive.motion + np.array([0.0, 0.05])) for drive in drives], four)
+    assert found.value == pytest.approx(0.31, rel=0.001)
+
+
+def test_an_omni_robot_turns_by_its_arm_and_a_mecanum_one_by_two_sizes():
+    t = np.arange(0.0, 8.0, 0.02)
+    turned = np.column_stack([np.full(t.size, 0.1), np.zeros(t.size), np.where(t < 4.0, 0.5, 0.0)])
+    wheels = turned @ replace(ROBOTINO, chassis=Omni(0.15)).rolling.T / ROBOTINO.wheel.radius_m
+    drive = CalibrationDrive(DriveLog("omni", t, wheels, np.full(wheels.shape, np.nan)), turned)
+    (found,) = calibrate_track([drive], ROBOTINO)
+    assert (found.name, found.value) == ("chassis.arm_m", pytest.approx(0.15, rel=1e-9))
+    with pytest.raises(InputError, match="turns by the sum of its track and wheelbase"):
+        calibrate_track([], generic_robot(9.0, 0.05, 0.3, layout="mecanum"))
+
+
+@pytest.mark.parametrize("layout", ["car", "tricycle"])
+@pytest.mark.parametrize("speeds", [(0.3, 1.0), (0.6,)], ids=["speeds", "one speed"])
+def test_a_steered_robot_gets_its_wheelbase_and_the_zero_of_its_angle(layout, speeds):
+    """The offset of the gyro turns the robot as the zero does, unless the speed changes."""
+    robot, zero_rad, offset_rad_s = generic_robot(40.0, 0.1, 0.5, 0.8, layout=layout), 0.03, 0.01
+    rng, drives = np.random.default_rng(1), []
+    for speed_m_s, curvature in itertools.product(speeds, (0.1, -0.1, 0.0)):
+        t, angle = np.arange(0.0, 6.0, 0.05), np.arctan(0.9 * curvature)
+        rim = speed_m_s / np.cos(angle) if layout == "tricycle" else speed_m_s
+        measured = np.tile([rim / 0.1, np.nan, np.nan], (t.size, 1))
+        assert isinstance(robot.chassis, Steered)
+        wheels = robot.chassis.wheel_speeds(measured, np.full(t.size, angle + zero_rad))
+        motion = np.tile([speed_m_s, speed_m_s * curvature + offset_rad_s], (t.size, 1))
+        motion[:, 1] += 0.003 * rng.standard_normal(t.size)
+        drives.append(CalibrationDrive(DriveLog("drive", t, wheels, np.full((t.size, 2), np.nan)), motion))
+    found = calibrate(drives, robot)
+    base, zero = found.parameters[1:]
+    assert base.identified and base.value == pytest.approx(0.9, rel=0.01)
+    assert zero.identified == (len(speeds) > 1)
+    assert zero.value == pytest.approx(zero_rad if zero.identified else 0.0, abs=0.001)
+    assert chassis(found.robot).steering_zero_rad == (zero.value if zero.identified else 0.0)
+    assert chassis(found.robot).rear_m / chassis(found.robot).wheelbase_m == pytest.approx(0.5)
 
 
 def test_one_speed_is_enough_for_a_robot_that_does_not_move_sideways_at_will():
@@ -93,7 +133,7 @@ def test_the_track_is_known_no_better_than_the_radius():
     drives = [kinematic(*motion) for motion in MOTIONS]
     radius, track = calibrate(drives, SKID, parts=("radius", "track")).parameters
     assert track.std / track.value == pytest.approx(radius.std / radius.value, rel=1e-6)
-    alone = calibrate_track(drives, SKID)
+    (alone,) = calibrate_track(drives, SKID)
     assert alone.std / alone.value == pytest.approx(RADIUS_STD, rel=1e-6)
 
 

@@ -7,10 +7,13 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
+from ohmward.runs import between
 from ohmward.traction.calibration.floor import learn_floor, unidentified_floor
 from ohmward.traction.calibration.parameters import (
     ROLLING,
@@ -22,8 +25,10 @@ from ohmward.traction.calibration.parameters import (
 )
 from ohmward.traction.calibration.stretches import LENGTH_S, CalibrationDrive, cut, motion_from_speed, stuck
 from ohmward.traction.drive_checks import mended
+from ohmward.traction.odometry.model import OdometryNoise
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
-from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
 from ohmward.traction.terrain.floor import Floor
 
 #: Parts of a robot that can be calibrated.
@@ -56,7 +61,7 @@ def calibrate(
     >>> ow.save_robot(found.robot, "robot.toml")
 
     drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
-        measured will do.
+        measured will do, and for the track alone one with a gyro.
     robot: its mass and geometry are assumed correct; or the path of its file, or the name of a packaged one.
     parts: one or some of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
@@ -73,14 +78,15 @@ def calibrate(
     require_between("rolling", rolling, 0.0, 1.0)
     one = isinstance(drives, str | CalibrationDrive) or not isinstance(drives, Sequence)
     each: Any = [drives] if one else drives
-    known = [_known(drive, robot) for drive in each]
+    by_wheels = floor is None and set(parts) <= {"track"}
+    known = [_known(drive, robot, by_wheels) for drive in each]
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))
         robot = with_parameters(robot, found)
     if "track" in parts:
         radius = [parameter.std / parameter.value for parameter in found if parameter.identified]
-        found.append(calibrate_track(known, robot, *radius))
+        found += calibrate_track(known, robot, *radius)
         robot = with_parameters(robot, found)
     if "motor" in parts:
         found += calibrate_motor(known, robot, rolling)
@@ -92,9 +98,11 @@ def calibrate(
     return Calibration(robot, tuple(found), learnt, tuple(known), notes)
 
 
-def _known(drive: CalibrationDrive | DriveSource, robot: Robot) -> CalibrationDrive:
-    """A drive with the motion of the body, from its measured outside speed if it has none."""
-    return drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, as_drive(drive, robot))
+def _known(drive: CalibrationDrive | DriveSource, robot: Robot, by_wheels: bool) -> CalibrationDrive:
+    """A drive with the motion of the body, from its sensors if it is not given."""
+    return (
+        drive if isinstance(drive, CalibrationDrive) else with_sensed_motion(robot, as_drive(drive, robot), by_wheels)
+    )
 
 
 def stuck_notes(drives: Sequence[CalibrationDrive], robot: Robot) -> tuple[Note, ...]:
@@ -107,23 +115,37 @@ def stuck_notes(drives: Sequence[CalibrationDrive], robot: Robot) -> tuple[Note,
 
 
 def usual_parts(robot: Robot) -> tuple[str, ...]:
-    """Parts that a calibration usually finds: the track only where no ruler can measure it, because wheels scrub."""
+    """Parts that a calibration usually finds: the track only where no ruler can measure it, because wheels scrub.
+
+    No ruler measures the zero of a steering angle either; motor currents of a steered robot are not used.
+    """
+    if isinstance(robot.chassis, Steered):
+        return "radius", "track"
     return tuple(part for part in PARTS if part != "track" or robot.chassis.scrubs)
 
 
-def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
-    """The drive with the motion of the body by its speed from outside.
+def with_sensed_motion(robot: Robot, log: DriveLog, by_wheels: bool = False) -> CalibrationDrive:
+    """The drive with the motion of the body by its speed from outside and its gyro.
+
+    by_wheels: without a speed from outside the wheels give the speed, as the radius is assumed correct.
 
     Raises:
-        InputError: there is none, or it does not determine the sideways motion.
+        InputError: no speed, or it does not determine the sideways motion.
     """
-    if log.speed_m_s is None:
-        raise InputError(
-            f"log {log.name!r} has no speed from outside; give CalibrationDrive(log, motion) with the true motion"
-        )
     log = mended(robot, log)
-    assert log.speed_m_s is not None
-    return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, log.yaw_rate_rad_s))
+    yaw_rate_rad_s = log.yaw_rate_rad_s
+    scale_std = 0.0 if yaw_rate_rad_s is None else OdometryNoise().gyro_scale_std
+    if log.speed_m_s is not None:
+        return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, yaw_rate_rad_s), scale_std)
+    if not by_wheels or yaw_rate_rad_s is None:
+        raise InputError(
+            f"log {log.name!r} has no speed from outside{' and no gyro' if by_wheels else ''}; name its column "
+            "(--column speed=NAME, --truth NAME, --pose X,Y,HEADING), or give CalibrationDrive(log, motion)"
+        )
+    wheels = np.column_stack([between(log.time_s, values) for values in log.wheel_speed_rad_s.T])
+    motion = motion_from_wheels(robot, wheels[:, : robot.driven])
+    motion[:, -1] = between(log.time_s, yaw_rate_rad_s)
+    return CalibrationDrive(log, motion, scale_std)
 
 
 def with_wheel_loads(robot: Robot, loads_N: Sequence[float]) -> Robot:

@@ -10,7 +10,7 @@ small. With drives as groups it holds although the rows of one drive are correla
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,8 +19,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, CalibrationDrive, Stretches, cut
-from ohmward.traction.odometry.model import RADIUS_STD
-from ohmward.traction.robot.chassis import Mecanum, Omni, Steered
+from ohmward.traction.odometry.model import RADIUS_STD, STEERING_ZERO_RAD, OdometryNoise
+from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.floor import (
@@ -36,6 +36,8 @@ MOST_STD = {
     "wheel.radius_m": 0.1,
     "chassis.track_m": 0.2,
     "chassis.effective_track_m": 0.2,
+    "chassis.wheelbase_m": 0.2,
+    "chassis.arm_m": 0.2,
     "motor.torque_constant_Nm_per_A": 0.1,
     "motor.friction_Nm": 0.5,
     "motor.damping_Nms_per_rad": 0.5,
@@ -68,13 +70,18 @@ def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
     for p in parameters:
         if p.identified:
             part, _, name = p.name.partition(".")
-            changed: Any = replace(getattr(robot, part), **{name: p.value})
-            robot = replace(robot, **{part: changed})
+            old: Any = getattr(robot, part)
+            changed = {name: p.value}
+            if name == "wheelbase_m":  # the centre of gravity keeps its place between the axles
+                changed["rear_m"] = old.rear_m * p.value / old.wheelbase_m
+            robot = replace(robot, **{part: replace(old, **changed)})
     return robot
 
 
 #: Number of drives from which groups are drives.
 FEWEST_DRIVES = 10
+#: Least residual over y, for drives without noise: with less, the priors are lost in rounding.
+_ROUNDING = 1e-7
 
 
 class Regression(NamedTuple):
@@ -97,8 +104,9 @@ def regress(A: np.ndarray, y: np.ndarray, drive: np.ndarray, prior: np.ndarray, 
     """
     P0_inv = np.diag(1 / prior_std**2)
     beta = np.linalg.lstsq(A, y, rcond=None)[0]
+    least = max(_ROUNDING * float(np.sqrt(np.mean(y**2))), 1e-12)
     for _ in range(20):
-        std = max(float(np.sqrt(np.mean((y - A @ beta) ** 2))), 1e-12)
+        std = max(float(np.sqrt(np.mean((y - A @ beta) ** 2))), least)
         H = A.T @ A / std**2 + P0_inv
         beta = np.linalg.solve(H, A.T @ y / std**2 + P0_inv @ prior)
     H_inv = np.linalg.inv(H)
@@ -117,6 +125,16 @@ def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray
     return total * np.sqrt(count / max(count - A.shape[1], 1))
 
 
+#: The number to which the yaw rate of each chassis is inversely proportional, at the same wheel speeds.
+TURNS_BY: Mapping[type, str] = {
+    Differential: "chassis.track_m",
+    TwoWheeled: "chassis.track_m",
+    SkidSteer: "chassis.effective_track_m",
+    Steered: "chassis.wheelbase_m",
+    Omni: "chassis.arm_m",
+}
+#: Zero of a steering angle, and its largest standard deviation [rad] that counts as identified.
+ZERO, MOST_ZERO_STD_RAD = "chassis.steering_zero_rad", 0.5 * STEERING_ZERO_RAD
 #: Number of turning stretches from which the share counts as identified.
 FEWEST_TURNS = 3
 #: Standard deviation of an unknown effective track, relative to the track: skid-steered robots on hard ground have 1.2
@@ -174,14 +192,17 @@ def _creep(robot: Robot, rows: Stretches) -> float:
 
 def calibrate_track(
     drives: Sequence[CalibrationDrive], robot: Robot, radius_share_std: float = RADIUS_STD
-) -> Parameter:
+) -> tuple[Parameter, ...]:
     """The track with which the difference of the sides' speeds gives the true yaw rate; scrubbing makes it wider.
 
-        psi_dot = s r (omega_r - omega_l) / b,      b_eff = b / s
+        psi_dot = s r (omega_r - omega_l) / b + o,      b_eff = b / s
 
     s is the share of the sides' difference that becomes a turn (steering efficiency over 1; A. Mandow et al.,
-    "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007). It is fitted to the turn that the wheels
-    predict, after the radius, which straight stretches determine.
+    "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007), o the offset of a gyro, which stretches
+    at rest show. It is fitted to the turn that the wheels predict, after the radius, which straight stretches
+    determine. The wheelbase of a steered robot and the arm of an omni robot are as inversely proportional to the yaw
+    rate, see `TURNS_BY`. A steered robot has the zero of its steering angle as a second parameter; its reading beyond
+    the zero makes the turn d psi_dot / d delta in the same stretches.
 
     Args:
         drives: with the motion of the body, turns among them.
@@ -189,26 +210,58 @@ def calibrate_track(
         radius_share_std: relative error of that radius, which the track shares.
 
     Raises:
-        InputError: a robot whose wheels have rollers, a steered one, or no steady stretch.
+        InputError: a mecanum robot, or no stretch.
     """
-    if isinstance(robot.chassis, Omni | Mecanum | Steered):
-        of_angle = isinstance(robot.chassis, Steered)
-        why = "turns by its steering angle: measure its wheelbase, and" if of_angle else "has no left and right side;"
-        raise InputError(f"{robot.name} {why} leave the track out (--what, parts=)")
-    name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
-    unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
+    if isinstance(robot.chassis, Mecanum):
+        raise InputError(
+            f"{robot.name} turns by the sum of its track and wheelbase, which no drive tells apart: measure both, and "
+            "leave the track out (--what, parts=)"
+        )
+    name = TURNS_BY[type(robot.chassis)]
+    own_m = getattr(robot.chassis, name.partition(".")[2]) or robot.chassis.track_m
     rows = cut(drives, robot, turning=True)
-    turns = track_m * np.abs(rows.rim[:, -1]) >= SLOWEST_M_S
-    if turns.sum() < FEWEST_TURNS:
+    by_wheels, yaw_rate = rows.rim[:, -1], rows.motion[:, -1]
+    unknown = (Parameter(name, own_m, TRACK_STD * own_m, "the robot hardly turns, or not as its wheels do"),)
+    if isinstance(robot.chassis, Steered):
+        reason = "stretches at other speeds, or at rest, would tell it from the offset of the gyro"
+        unknown += (Parameter(ZERO, robot.chassis.steering_zero_rad, STEERING_ZERO_RAD, reason),)
+    if (own_m * np.abs(by_wheels) >= SLOWEST_M_S).sum() < FEWEST_TURNS:
         return unknown
-    by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
     if not yaw_rate.any():
-        return unknown._replace(reason="the wheels turn the robot, but no yaw rate was measured beside its true speed")
-    fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
+        reason = "the wheels turn the robot, but no yaw rate was measured beside its true speed"
+        return tuple(parameter._replace(reason=reason) for parameter in unknown)
+    A = np.column_stack([by_wheels, np.ones_like(by_wheels), *_turn_by_zero(robot, rows.rim)])
+    prior_std = np.array([np.inf, OdometryNoise().gyro_offset_std_rad_s, np.inf])[: A.shape[1]]
+    fit = regress(A, yaw_rate, rows.drive, np.zeros_like(prior_std), prior_std)
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
     if not is_identified(name, share, std):
         return unknown
-    return Parameter(name, track_m / share, track_m / share * math.hypot(std / share, radius_share_std))
+    scale_std = max(drive.yaw_scale_std for drive in drives)
+    found = Parameter(name, own_m / share, own_m / share * math.hypot(std / share, radius_share_std, scale_std))
+    if not isinstance(robot.chassis, Steered):
+        return (found,)
+    # exact for a sine of the angle; else to its third power
+    zero_rad, gradient = float(np.arctan(fit.beta[2] / share)), np.array([-fit.beta[2] / share, 0.0, 1.0]) / share
+    zero_std_rad = float(np.sqrt(gradient @ fit.cov @ gradient))
+    if zero_std_rad > MOST_ZERO_STD_RAD:
+        return found, unknown[1]
+    return found, Parameter(ZERO, robot.chassis.steering_zero_rad - zero_rad, zero_std_rad)
+
+
+def _turn_by_zero(robot: Robot, rim: np.ndarray) -> list[np.ndarray]:
+    """Change of the yaw rate (K,) with the steering angle for a motion (K, 2) of a steered robot; [] for others.
+
+    d/d delta (v tan(delta) / L) = v (1 + tan(delta)^2) / L,   d/d delta (u sin(delta) / L) = v / L
+    """
+    chassis = robot.chassis
+    if not isinstance(chassis, Steered):
+        return []
+    speed_m_s, yaw_rate = rim.T
+    across_m_s = chassis.wheelbase_m * yaw_rate
+    if chassis.measured == "rear":
+        safe_m_s = np.where(np.abs(speed_m_s) < SLOWEST_M_S, np.inf, speed_m_s)
+        speed_m_s = speed_m_s + across_m_s**2 / safe_m_s
+    return [speed_m_s / chassis.wheelbase_m]
 
 
 #: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.

@@ -27,6 +27,7 @@ class CalibrationDrive(NamedTuple):
 
     log: DriveLog  #: in the robot's wheel order
     motion: np.ndarray  #: (T, freedoms), nan where it is not known
+    yaw_scale_std: float = 0.0  #: relative error of its yaw rate that lasts, as by the scale of a gyro
 
 
 def motion_from_pose(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, heading_rad: np.ndarray) -> np.ndarray:
@@ -105,8 +106,8 @@ def local_slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
 LENGTH_S = 1.0
 #: Largest difference of the sides' speeds by the robot's turning, as a share of its speed, where it drives straight.
 STRAIGHT_SHARE = 0.1
-#: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
-SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
+#: Least speed of the rims [m/s] in a stretch, and largest change of it as a share; largest one at rest.
+SLOWEST_M_S, STEADY_SHARE, REST_M_S = 0.02, 0.3, 0.002
 
 
 class Stretches(NamedTuple):
@@ -134,7 +135,7 @@ def cut(
     Sensors may have rates of their own: samples of a slower one are interpolated linearly.
 
     steady: leave out those in which the wheels change their speed much, among them starts and stops.
-    turning: keep the turns of a robot whose wheels scrub, which no other fit than that of the track can use.
+    turning: keep rests, and the turns of a robot whose wheels scrub, which no other fit than that of the track can use.
     keep_stuck: keep those in which the wheels turned and the robot stood, see `stuck`.
 
     Raises:
@@ -198,7 +199,9 @@ def _of_drive(
         weight = parabola(t[part])
         mean = _mean(rim[part], weight)
         speed = np.abs(_mean(pace[part], weight)).max() if turning else travel_speed(mean)
-        if speed >= SLOWEST_M_S and (not steady or _change(pace[part]) <= STEADY_SHARE * speed):
+        rests = turning and np.nanmax(np.abs(pace[part])) <= REST_M_S
+        turns = speed >= SLOWEST_M_S and (not steady or _change(pace[part]) <= STEADY_SHARE * speed)
+        if turns or rests:
             yield (
                 number,
                 _mean(wheels[part], weight),

@@ -175,6 +175,7 @@ class Steered:
     track_m: float  #: distance between the rear wheels, > 0
     #: where the speed is measured: "rear", of the rear axle, as by the motor of a car; "front", of the steered wheel
     measured: str = "rear"
+    steering_zero_rad: float = 0.0  #: measured steering angle with which the robot drives straight ahead
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
     scrubs: ClassVar[bool] = False
@@ -182,6 +183,7 @@ class Steered:
 
     def __post_init__(self) -> None:
         require_each_positive("chassis.", self, "rear_m", "wheelbase_m", "track_m")
+        require_finite("chassis.steering_zero_rad", self.steering_zero_rad)
         require_one_of("chassis.measured", self.measured, ("front", "rear"))
         if self.rear_m >= self.wheelbase_m:
             raise InputError(
@@ -206,9 +208,9 @@ class Steered:
 
         measured: (..., 3) the measured speed in the place of the rear left wheel; where the rear right one has a speed
             too, both are their own.
-        steering_rad: (...) > 0 to the left.
+        steering_rad: (...) as measured, > 0 to the left.
         """
-        measured = np.asarray(measured)
+        measured, steering_rad = np.asarray(measured), np.asarray(steering_rad) - self.steering_zero_rad
         speed, own = measured[..., 0], np.isfinite(measured[..., 1])
         steering_rad = np.where(np.abs(steering_rad) <= self.steepest_rad, steering_rad, np.nan)
         along = speed * np.cos(steering_rad) if self.measured == "front" else speed

@@ -226,8 +226,8 @@ _HEADER = """\
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
 #   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m, and
 #   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), steered (rear_m, wheelbase_m,
-#   track_m, measured = "rear" or "front", the axle whose speed is measured), omni (arm_m, bearings_deg),
-#   mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
+#   track_m, measured = "rear" or "front", the axle whose speed is measured, steering_zero_rad), omni (arm_m,
+#   bearings_deg), mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 #: Format of the robot file; `dump` writes and `parse` reads its text.
