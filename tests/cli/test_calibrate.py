@@ -107,12 +107,12 @@ def test_loads_as_weighed_are_written(folder, as_json):
 @pytest.mark.parametrize(
     "words, message",
     [
-        ((), "give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING"),
+        ((*POSE, "--truth", "x"), "give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING"),
+        ((), "has no speed from outside; name its column (--column speed=NAME, --truth NAME, --pose X,Y,HEADING)"),
         (("--pose", "x,y"), "--pose takes three columns X,Y,HEADING of the log, got 'x,y'"),
         (("--truth", "x"), "moves sideways too"),
         ((*POSE, "--floor", "soft"), "--floor NAME and --floors FILE.toml belong together"),
         ((*POSE, "--what", "mass"), "--what takes radius, track, motor, separated by commas; got 'mass'"),
-        ((*POSE, "--what", "track"), "has no left and right side; leave the track out (--what"),
         ((*POSE[:-1], "lap"), "there is no column 'lap' for --each"),
         ((*POSE, "-o", "smooth.csv"), "the name must end in .toml"),
         ((*POSE, "--wheel-load", "3,5,3"), "(--wheel-load) add up to 11 N, the robot file's mass weighs 110.8 N"),

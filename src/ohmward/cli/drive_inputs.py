@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from ohmward.cli.battery_inputs import read_options
 from ohmward.cli.options import TRUTHS
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
+from ohmward.logs.bags.bag_table import OUTSIDE_YAW_RATE
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import selected_name, split_selection
@@ -20,6 +21,9 @@ from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.traction import Robot
+from ohmward.traction.calibration import CalibrationDrive, motion_from_pose, motion_from_truth
+from ohmward.traction.calibration.stretches import without_lateral
+from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.score import DriveTruth
 
 
@@ -37,6 +41,7 @@ class DriveOptions(NamedTuple):
     reading: ReadOptions
     motor_shaft: bool
     counts_per_turn: float | None
+    radius_m: float | None = None  #: of the wheels; None for the robot's, nan if it is not known
 
     def read(
         self,
@@ -62,6 +67,7 @@ class DriveOptions(NamedTuple):
             file,
             self.robot or places,
             len(places) or None,
+            radius_m=self.radius_m,
             at_motor_shaft=self.motor_shaft,
             counts_per_turn=self.counts_per_turn,
             columns=dict(self.reading.columns),
@@ -96,6 +102,49 @@ def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
     note = ", ".join(f"{kind} from {name!r}" for kind, name in named.items() if name)
     how = "from the speeds of body and wheels" if slip is None else f"from {', '.join(map(repr, slips))}"
     return DriveReference(truth, f"truth: {note}; slip {how}")
+
+
+def read_calibration_drive(
+    text: str, robot: Robot, options: DriveOptions, args: argparse.Namespace
+) -> CalibrationDrive | DriveLog:
+    """One recording with the motion of the body, from the columns that --truth or --pose names; else from its sensors.
+
+    Raises:
+        InputError: both, or columns that the log does not have.
+    """
+    if args.truth and args.pose:
+        raise InputError("give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING")
+    if args.pose:
+        names = [name.strip() for name in args.pose.split(",")]
+        log = options.read(text, leave=names)
+        return CalibrationDrive(log, _pose_motion(log, names, robot, args))
+    log = options.read(text, leave=truth_names(args.truth))
+    if not args.truth:
+        outside = log.extra.get(OUTSIDE_YAW_RATE)
+        return log if outside is None or log.yaw_rate_rad_s is not None else replace(log, yaw_rate_rad_s=outside)
+    known = read_drive_truth(log, robot, args.truth).truth
+    log = with_signed_speed(robot, replace(log, speed_m_s=known.speed_m_s, speed_age_s=None))
+    if known.yaw_rate_rad_s is None and known.lateral_speed_m_s is None:
+        return log
+    assert log.speed_m_s is not None
+    return CalibrationDrive(log, motion_from_truth(robot, log.time_s, known._replace(speed_m_s=log.speed_m_s)))
+
+
+def _pose_motion(log: DriveLog, names: Sequence[str], robot: Robot, args: argparse.Namespace) -> np.ndarray:
+    """Motion (T, freedoms) from a pose in these columns.
+
+    Raises:
+        InputError: not three columns, or one that the log does not have.
+    """
+    if len(names) != 3 or any(name not in log.extra for name in names):
+        raise InputError(
+            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}; "
+            f"it has: {', '.join(log.extra)}"
+        )
+    x, y, heading = (log.extra[name] for name in names)
+    turned = (np.radians(1.0) if args.pose_unit == "deg" else 1.0) * heading + np.radians(args.pose_turn)
+    scale = args.pose_scale  # metres per unit of x and y, or of both
+    return without_lateral(robot, motion_from_pose(log.time_s, scale[0] * x, scale[-1] * y, turned))
 
 
 def truth_names(text: str | None) -> list[str]:

@@ -148,7 +148,7 @@ def read_drive(
     source: path of a file in any of these formats, whatever its name; or a DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.
     driven: number of driven wheels; only with names.
-    radius_m: of the wheels; needed for speeds in m/s at the rim; default: the robot's.
+    radius_m: of the wheels; needed for speeds in m/s at the rim; default: the robot's; nan: not known.
     gear_ratio: of the motors; used for speeds measured at the motors; default: the robot's, or 1.
     at_motor_shaft: wheel speeds and counts are measured at the motor, before the gear.
     counts_per_turn: of the encoders; needed for counts.
@@ -170,7 +170,8 @@ def read_drive(
     if hasattr(robot, "places"):
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
-    mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
+    known_m = None if radius_m is None or math.isnan(radius_m) else radius_m
+    mechanics = Mechanics(known_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
     file = with_joined_time(with_sample_time(open_table(source, hints).part("drive", where)))
     found = wheel_columns.find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)

@@ -333,7 +333,7 @@ def wheel_speed(
     if unit.dimension in ("speed", "length"):
         if mechanics.radius_m is None:
             raise InputError(
-                f"{source}: {name!r} is in {unit.symbol}; give the radius of the wheels with --robot (radius_m)"
+                f"{source}: {name!r} is in {unit.symbol}; give the wheels' radius (--radius, --robot, radius_m)"
             )
         at_rim = unit.in_si(values) / mechanics.radius_m
         return (at_rim if unit.dimension == "speed" else speed_from_angle(at_rim, time_s)), ()

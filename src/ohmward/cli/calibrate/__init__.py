@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import LOG, ROBOT, add_drive_options, add_output_options
+from ohmward.cli.options import LOG, ROBOT, add_drive_options, add_output_options, add_truth_options
 from ohmward.cli.parser import floats
 
 EXAMPLES = """\
@@ -33,13 +33,3 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_drive_options(parser)
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file")
-
-
-def add_truth_options(parser: argparse.ArgumentParser) -> None:
-    """Columns of the true motion: speeds, or a pose."""
-    group = parser.add_argument_group("the true motion")
-    group.add_argument("--truth", metavar="COLUMN[,...]", help="columns of speed, yaw rate and lateral speed")
-    group.add_argument("--pose", metavar="X,Y,HEADING", help="columns of the pose that a camera or total station saw")
-    group.add_argument("--pose-scale", type=floats, default=[1.0], metavar="SX[,SY]", help="metres per unit of X and Y")
-    group.add_argument("--pose-turn", type=float, default=0.0, metavar="DEG", help="added to the heading [degrees]")
-    group.add_argument("--pose-unit", choices=("deg", "rad"), default="deg", help="of the heading (default deg)")

@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import drive_options, read_calibration_drive
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import bullets, fields, paragraphs, table
 from ohmward.errors import InputError
 from ohmward.figures.numbers import duration, percent
 from ohmward.figures.slip import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
-from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.report import Page
-from ohmward.traction import Robot, load_robot, save_robot
-from ohmward.traction.calibration import (
-    Calibration,
-    CalibrationDrive,
-    calibrate,
-    motion_from_pose,
-    motion_from_truth,
-    with_wheel_loads,
-)
+from ohmward.traction import load_robot, save_robot
+from ohmward.traction.calibration import Calibration, calibrate, with_wheel_loads
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts
-from ohmward.traction.calibration.parameters import ROLLING
-from ohmward.traction.calibration.stretches import without_lateral
-from ohmward.traction.drive_checks import with_signed_speed
+from ohmward.traction.calibration.parameters import ROLLING, Parameter
 from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 
 PARAMETERS = ["parameter", "value", "95 % interval", ""]
@@ -42,8 +31,6 @@ PARAMETERS = ["parameter", "value", "95 % interval", ""]
 
 def run(args: argparse.Namespace) -> Outcome:
     """Calibrate, write the robot and its floors."""
-    if (args.truth is None) == (args.pose is None):
-        raise InputError("give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING; see --help")
     if (args.floor is None) != (args.floors is None):
         raise InputError("--floor NAME and --floors FILE.toml belong together: the floor's name, and where it is kept")
     inputs = [str(split_selection(text)[0]) for text in args.logs]
@@ -58,7 +45,7 @@ def run(args: argparse.Namespace) -> Outcome:
         read = counting(report, "reading") or (lambda done, total: None)
         drives = []
         for k, text in enumerate(texts, start=1):
-            drives.append(read_one(text, robot, options, args))
+            drives.append(read_calibration_drive(text, robot, options, args))
             read(k, len(texts))
         parts = wanted(args.what, () if args.floor else usual_parts(robot))
         found = calibrate(drives, robot, parts, args.floor, rolling(args.rolling))
@@ -107,37 +94,6 @@ def recordings(text: str, each: str | None) -> list[str]:
     return [f"{path}:{chosen}{each}={value:g}" for value in values[np.isfinite(values)]]
 
 
-def read_one(text: str, robot: Robot, options: DriveOptions, args: argparse.Namespace) -> CalibrationDrive:
-    """One recording with the motion of the body, from the columns that --truth or --pose names."""
-    if args.pose:
-        names = [name.strip() for name in args.pose.split(",")]
-        log = options.read(text, leave=names)
-        return CalibrationDrive(log, pose_motion(log, names, robot, args))
-    log = options.read(text, leave=truth_names(args.truth))
-    known = read_drive_truth(log, robot, args.truth).truth
-    signed = with_signed_speed(robot, replace(log, speed_m_s=known.speed_m_s, speed_age_s=None))
-    assert signed.speed_m_s is not None
-    known = known._replace(speed_m_s=signed.speed_m_s)
-    return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, known))
-
-
-def pose_motion(log: DriveLog, names: Sequence[str], robot: Robot, args: argparse.Namespace) -> np.ndarray:
-    """Motion (T, freedoms) from a pose in these columns.
-
-    Raises:
-        InputError: not three columns, or one that the log does not have.
-    """
-    if len(names) != 3 or any(name not in log.extra for name in names):
-        raise InputError(
-            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}; "
-            f"it has: {', '.join(log.extra)}"
-        )
-    x, y, heading = (log.extra[name] for name in names)
-    turned = (np.radians(1.0) if args.pose_unit == "deg" else 1.0) * heading + np.radians(args.pose_turn)
-    scale = args.pose_scale  # metres per unit of x and y, or of both
-    return without_lateral(robot, motion_from_pose(log.time_s, scale[0] * x, scale[-1] * y, turned))
-
-
 def summary(found: Calibration) -> dict[str, Any]:
     """The object of --json, but for the files."""
     notes = [str(note) for drive in found.drives for note in drive.log.notes if note.level != "info"]
@@ -147,10 +103,15 @@ def summary(found: Calibration) -> dict[str, Any]:
         "robot": found.robot.name,
         "drives": len(found.drives),
         "duration_s": sum(drive.log.duration_s for drive in found.drives),
-        "parameters": [{**p._asdict(), "identified": p.identified} for p in found.parameters],
+        "parameters": [parameter_facts(p) for p in found.parameters],
         "floor": found.floor,
         "notes": list(dict.fromkeys(notes)),
     }
+
+
+def parameter_facts(p: Parameter) -> dict[str, Any]:
+    """A parameter in the object of --json."""
+    return {**p._asdict(), "identified": p.identified}
 
 
 def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
@@ -163,14 +124,14 @@ def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
     written = [f"{name}: {path}" for name, path in files.items() if path]
     return paragraphs(
         title,
-        table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
+        table(PARAMETERS, parameter_rows(found.parameters)) if found.parameters else "",
         fields(floor_fields(found.floor)) if found.floor else "",
         bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
         "\n".join(written) or "No robot file written; name one with -o.",
     )
 
 
-def parameter_rows(found: Calibration) -> list[list[str]]:
+def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
     """Each parameter with its interval."""
     return [
         [
@@ -179,7 +140,7 @@ def parameter_rows(found: Calibration) -> list[list[str]]:
             f"{p.value - BAND_95 * p.std:.4g} to {p.value + BAND_95 * p.std:.4g}" if p.identified else "-",
             "" if p.identified else "kept",
         ]
-        for p in found.parameters
+        for p in parameters
     ]
 
 
@@ -203,7 +164,11 @@ def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
         if not p.identified:
             page = page.callout("warning", f"{p.name} was not identified: {p.reason}. The robot's own value is kept.")
     if found.parameters:
-        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(found)).plot(calibration_figure(found))
+        page = (
+            page.heading("Parameters")
+            .table(PARAMETERS, parameter_rows(found.parameters))
+            .plot(calibration_figure(found))
+        )
     if found.floor:
         rows = list(floor_fields(found.floor).items())
         page = (

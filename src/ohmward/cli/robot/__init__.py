@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 
+from ohmward.cli.options import add_drive_options, add_truth_options
 from ohmward.cli.parser import positive
 
 EXAMPLES = """\
   ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
   ohmward robot --layout mecanum --radius 0.05 --track 0.3 --wheelbase 0.25 --mass 9 -o robot.toml
   ohmward robot --layout tricycle --radius 0.12 --track 0.6 --wheelbase 1.1 --mass 200 -o robot.toml
+  ohmward robot drive.mcap --topic /odom --mass 12 -o robot.toml
+  ohmward robot drive.csv --truth gnss_speed --layout car --track 0.6 --mass 40 -o robot.toml
   ohmward robot robot.urdf -o robot.toml
   ohmward robot husky -o robot.toml
   ohmward robot robot.toml
@@ -22,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source",
         nargs="?",
         metavar="FILE|NAME",
-        help="a URDF, a robot file, or a robot that comes with ohmward: turtlebot4, husky, jackal ...; none: sizes",
+        help="a URDF, a robot file, a robot that comes with ohmward: turtlebot4, husky, jackal ..., or a drive, which "
+        "shows radius and track beside a speed or pose from outside (/odom, GNSS) and a gyro; none: sizes",
     )
     parser.add_argument("--radius", type=positive, metavar="M", help="radius of the wheels [m]")
     parser.add_argument(
@@ -42,5 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "driven and steered; four wheels with rollers at 45 degrees; three omni-wheels",
     )
     parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
+    add_truth_options(parser)
+    add_drive_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file; else it is only shown")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -1,24 +1,42 @@
-"""`ohmward robot`: a robot file from sizes, a URDF or a name; what is in one."""
+"""`ohmward robot`: a robot file from sizes, a drive, a URDF or a name; what is in one."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ohmward.atomic import back_up
+from ohmward.cli.calibrate.command import PARAMETERS, parameter_facts, parameter_rows
+from ohmward.cli.drive_inputs import drive_options, read_calibration_drive
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.wording import bullets, paragraphs
+from ohmward.cli.wording import bullets, paragraphs, table
 from ohmward.errors import InputError
+from ohmward.logs.selection import split_selection
 from ohmward.onboard.sources.ros2 import wheel_of
+from ohmward.traction.calibration.parameters import Parameter
+from ohmward.traction.calibration.sizes import Sizes, robot_from_drives
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
-from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
+from ohmward.traction.robot.urdf import read_urdf
 
+_GENERIC = "motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are"
 #: Size of the drawing in characters, which are twice as high as wide.
 _COLUMNS, _LINES = 41, 15
+
+
+class SourcedRobot(NamedTuple):
+    """A robot and where it comes from; only a URDF has joints and inertial units."""
+
+    robot: Robot
+    joints: Mapping[str, str] = {}
+    imu_rpy: Mapping[str, tuple[float, float, float]] = {}
+    assumed: tuple[str, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -37,29 +55,50 @@ def run(args: argparse.Namespace) -> Outcome:
         "joints": found.joints,
         "imu_rpy": found.imu_rpy,
         "assumed": list(found.assumed),
+        "parameters": [parameter_facts(p) for p in found.parameters],
         "output": args.output,
         "backup": str(backup) if backup else None,
     }
-    return Outcome(summary, _text(found, args.output, backup), found.assumed, has_notes=True)
+    return Outcome(summary, _text(found, args.output, backup), found.assumed)
 
 
-def _found(args: argparse.Namespace) -> UrdfRobot:
-    """The robot that the options name; only a URDF has joints and inertial units."""
+def _found(args: argparse.Namespace) -> SourcedRobot:
+    """The robot that the options name."""
     sizes = {"--mass": args.mass, "--radius": args.radius, "--track": args.track}
-    if args.source is None:
-        missing = [option for option, size in sizes.items() if size is None]
-        if len(missing) == len(sizes):
-            raise InputError(f"give a URDF, a robot file, one of {', '.join(PACKAGED)}, or {', '.join(sizes)}")
-        if missing:
-            raise InputError(f"a robot needs {' and '.join(missing)} too")
-        robot = generic_robot(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
-        assumed = "motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are"
-        return UrdfRobot(robot, {}, {}, (assumed,))
-    if args.source.lower().endswith((".urdf", ".xacro", ".xml")):
-        return read_urdf(args.source, args.radius, args.mass)
-    if given := [option for option, size in sizes.items() if size is not None]:
-        raise InputError(f"{', '.join(given)}: {args.source} has its own; write it with -o and edit that")
-    return UrdfRobot(load_robot(args.source), {}, {}, ())
+    source = args.source or ""
+    if source.lower().endswith((".urdf", ".xacro", ".xml")):
+        return SourcedRobot(*read_urdf(source, args.radius, args.mass))
+    if (
+        source.lower() in PACKAGED
+        or source.endswith(".toml")
+        or (source and not Path(split_selection(source)[0]).exists())
+    ):
+        if given := [option for option, size in sizes.items() if size is not None]:
+            raise InputError(f"{', '.join(given)}: {source} has its own; write it with -o and edit that")
+        return SourcedRobot(load_robot(source))
+    missing = [option for option, size in sizes.items() if size is None]
+    if source and "--mass" in missing:
+        raise InputError(f"no drive shows the mass of a robot; give --mass KG beside {source}")
+    if source:
+        return _from_drive(source, args)
+    if len(missing) == len(sizes):
+        known = ", ".join(PACKAGED)
+        raise InputError(f"give a URDF, a robot file, one of {known}, a drive and --mass, or {', '.join(sizes)}")
+    if missing:
+        raise InputError(f"a robot needs {' and '.join(missing)} too")
+    robot = generic_robot(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
+    return SourcedRobot(robot, assumed=(_GENERIC,))
+
+
+def _from_drive(source: str, args: argparse.Namespace) -> SourcedRobot:
+    """The robot whose sizes a drive shows."""
+    sizes = Sizes(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
+    start = sizes.start()
+    options = drive_options(args, start)._replace(radius_m=args.radius or math.nan)
+    drive = read_calibration_drive(source, start, options, args)
+    found = robot_from_drives([drive], sizes)
+    notes = [_GENERIC, *map(str, found.drives[0].log.notes), *map(str, found.notes)]
+    return SourcedRobot(found.robot, assumed=tuple(notes), parameters=found.parameters)
 
 
 def _facts(robot: Robot) -> dict[str, Any]:
@@ -74,7 +113,7 @@ def _facts(robot: Robot) -> dict[str, Any]:
     }
 
 
-def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
+def _text(found: SourcedRobot, output: str | None, backup: Path | None) -> str:
     """Facts and a drawing, what was assumed, and what to do next."""
     robot, facts = found.robot, _facts(found.robot)
     other = ", steers" if isinstance(robot.chassis, Steered) else ", rolls along"
@@ -93,7 +132,8 @@ def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
         f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
         "\n".join(_drawing(robot)),
         "\n".join(places),
-        bullets("Assumed", found.assumed),
+        table(PARAMETERS, parameter_rows(found.parameters)) if found.parameters else "",
+        bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
         "\n  ".join(["Of the [[source]] of ROS 2 in the setup of `run`:", *settings]) if settings else "",
         f"robot file: {output}" + (f"; before: {backup}" if backup else "") if output else "",
         bullets("Next", following) if output else "",

@@ -34,6 +34,8 @@ from ohmward.logs.table import (
 TABLE_TYPE = "ohmward_msgs/msg/Table"
 
 _SPEED = "speed [m/s]"
+#: Column of the yaw rate beside such a speed; not that of a gyro, as it may come from the wheels.
+OUTSIDE_YAW_RATE = "outside yaw rate [rad/s]"
 #: Types that are found without being named, and those that become a quantity when named.
 KNOWN = {
     "sensor_msgs/msg/BatteryState": KnownType(
@@ -52,11 +54,14 @@ KNOWN = {
         },
     ),
     TABLE_TYPE: KnownType(BOTH, {}),
-    "nav_msgs/msg/Odometry": KnownType(DRIVE, {"twist.twist.linear.x": _SPEED}, by_name_only=True),
-    "geometry_msgs/msg/TwistStamped": KnownType(DRIVE, {"twist.linear.x": _SPEED}, by_name_only=True),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": KnownType(
-        DRIVE, {"twist.twist.linear.x": _SPEED}, by_name_only=True
-    ),
+    **{
+        type_: KnownType(DRIVE, {f"{at}linear.x": _SPEED, f"{at}angular.z": OUTSIDE_YAW_RATE}, by_name_only=True)
+        for type_, at in (
+            ("nav_msgs/msg/Odometry", "twist.twist."),
+            ("geometry_msgs/msg/TwistStamped", "twist."),
+            ("geometry_msgs/msg/TwistWithCovarianceStamped", "twist.twist."),
+        )
+    },
 }  # fmt: skip
 
 _CELL = re.compile(r"cell_(voltage|temperature)\[\d+\]")
