@@ -1,7 +1,8 @@
 """Speed observer against faults of sensors: glitches, slow wheels beside a fast gyro, gaps, missing currents.
 
 Glitches are drawn into the drive of `ohmward demo`, whose observer drives the robot, and into the log of a run without.
-The skid-steered robot is the measured Warthog, its windows one after the other with gaps of 2 s, its wheels at 5 Hz.
+The skid-steered robot is the measured Warthog, its windows in a row with gaps of 2 s, its wheels at 5 Hz. Its
+speed changes within a window and its true one is the mean of that, so means over windows are compared.
 """
 
 from __future__ import annotations
@@ -53,29 +54,31 @@ def driven(share: float) -> tuple[float, float]:
 
 def slow_wheels() -> Iterator[Figure]:
     """The measured skid-steered robot; odometry is the mean of its wheels, the last one held."""
-    log, true = joined(warthog.recording())
+    windows = warthog.recording()
+    log, true = joined(windows), windows.speed_m_s
     data = f"{warthog.DATA}, wheels 5 Hz, gyro 20 Hz, gaps of {GAP_S:g} s"
     odometry = held(0.25 * log.wheel_speed_rad_s.sum(axis=1)) * warthog.WARTHOG.wheel.radius_m
-    yield at_most(data, "wheel odometry", "speed RMSE [m/s]", rms(odometry - true), form=".3f")
     found, method = SlipEstimator(warthog.WARTHOG).run(log).estimates, "slip by wheels and gyro"
-    error = found.speed_m_s - true
-    covered = float(np.mean(np.abs(error) <= BAND_95 * found.speed_std_m_s))
+    by_wheels, by_slip, std = (
+        values.reshape(true.size, -1).mean(axis=1) for values in (odometry, found.speed_m_s, found.speed_std_m_s)
+    )
+    covered = float(np.mean(np.abs(by_slip - true) <= BAND_95 * std))
     fastest = float(np.max(np.abs(found.speed_m_s)) / np.max(np.abs(odometry)))
-    yield at_most(data, method, "speed RMSE [m/s]", rms(error), rms(odometry - true), ".3f")
-    yield at_least(data, method, "speed in its 95 % band", covered, 0.9, ".1%")
+    yield at_most(data, "wheel odometry", "speed of a window, RMSE [m/s]", rms(by_wheels - true), form=".3f")
+    yield at_most(data, method, "speed of a window, RMSE [m/s]", rms(by_slip - true), rms(by_wheels - true), ".3f")
+    yield at_least(data, method, "speed of a window in its 95 % band", covered, 0.9, ".1%")
     yield at_most(data, method, "greatest speed over that of the wheels", fastest, 1.25, ".2f")
 
 
-def joined(windows: warthog.Windows) -> tuple[DriveLog, np.ndarray]:
-    """All windows as one log, and the speed of each by lidar (T,)."""
+def joined(windows: warthog.Windows) -> DriveLog:
+    """All windows as one log."""
     count, samples = windows.left_rad_s.shape
     starts_s = np.arange(count) * (samples * warthog.STEP_S + GAP_S)
     time_s = (starts_s[:, None] + warthog.STEP_S * np.arange(samples)).ravel()
     reports = np.tile(np.arange(samples) % WHEELS_EVERY == 0, count)
     sides = np.column_stack([windows.left_rad_s.ravel(), windows.right_rad_s.ravel()] * 2)
     wheels = np.where(reports[:, None], sides, np.nan)
-    log = DriveLog("joined", time_s, wheels, np.full(wheels.shape, np.nan), windows.gyro_rad_s.ravel())
-    return log, np.repeat(windows.speed_m_s, samples)
+    return DriveLog("joined", time_s, wheels, np.full(wheels.shape, np.nan), windows.gyro_rad_s.ravel())
 
 
 def held(values: np.ndarray) -> np.ndarray:

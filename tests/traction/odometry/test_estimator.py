@@ -8,8 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ohmward import DriveLog, InputError, SlipEstimator
+from ohmward.filters.belief import unpack
+from ohmward.filters.consistency import BAND_95
 from ohmward.traction import RLMA, Odometry, hard_terrain
+from ohmward.traction.odometry.model import TURN_SCALE
 from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.speed_observer.make_observer import make_observer
 
 
@@ -128,3 +132,34 @@ def test_bad_samples_are_flagged_and_bad_calls_refused():
     slip = SlipEstimator(RLMA, filter="ekf").run(log(50))
     with pytest.raises(InputError, match="observed must have the 300 samples"):
         Odometry(RLMA).run(log(), observed=slip.estimates)
+
+
+@pytest.mark.parametrize("rate_hz", [5, 20])
+def test_the_band_holds_the_speed_though_counts_give_the_mean_since_the_last(rate_hz):
+    t, count_rad = np.arange(0.0, 30.0, 1.0 / rate_hz), 2.0 * np.pi / 4096
+    way_m, speed_m_s = 0.5 * t - 0.5 * np.cos(0.8 * t), 0.5 + 0.4 * np.sin(0.8 * t)
+    angle_rad = np.round(way_m / 0.08 / count_rad) * count_rad
+    wheels = np.full((t.size, 3), np.nan)
+    wheels[1:, :2] = rate_hz * np.diff(angle_rad)[:, None]
+    log = DriveLog(
+        "counts", t, wheels, np.full((t.size, 2), np.nan), 0.003 * np.random.default_rng(1).normal(size=t.size)
+    )
+    found = Odometry(generic_robot(15.0, 0.08, 0.36, 0.4)).run(log).estimates
+    inside = np.abs(found.speed_m_s - speed_m_s) <= BAND_95 * np.sqrt(found.twist_cov[:, 0, 0])
+    assert inside[10:].mean() > 0.95
+
+
+def test_a_robot_that_turns_on_while_its_wheels_stand_does_not_spoil_the_scale_of_the_turn():
+    """Fixed wheels show 1.5 times the turn; where they start and stop, the robot follows within 0.8 s."""
+    t = np.arange(0.0, 40.0, 0.2)
+    phase, way = t % 8.0, np.where(t // 8.0 % 2.0, -1.5, 1.5)
+    going = np.where(phase < 4.0, phase / 0.8, 1.0 - (phase - 4.0) / 0.8).clip(0.0, 1.0)
+    side_m_s = 0.58 * way * (phase < 4.0)
+    wheels = (0.8 + np.outer(side_m_s, [-1.0, 1.0, -1.0, 1.0])) / 0.3
+    gyro = way * going / 1.5 + 0.003 * np.random.default_rng(0).standard_normal(t.size)
+    odometry = Odometry(generic_robot(280.0, 0.3, 1.16, 0.9, layout="skid-steer"))
+    odometry.run(DriveLog("turns", t, wheels, np.full(wheels.shape, np.nan), gyro))
+    belief = unpack(odometry.state.belief)
+    std = np.sqrt(belief.cov[TURN_SCALE, TURN_SCALE])
+    assert belief.mean[TURN_SCALE] == pytest.approx(1.0 / 1.5 - 1.0, abs=2.0 * std)
+    assert std < 0.2

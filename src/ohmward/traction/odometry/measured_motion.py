@@ -322,6 +322,8 @@ def show(
     reckoned = where(fresh, 0.0, now.reckoned + way)
     o = now.observed
     turn_observed = observed & logical_not(by_gyro)
+    # Wheels slip in any turn of the robot: one that turns on while they stand drags them.
+    turn_rad_s = where(by_gyro & (abs(turning.rad_s) > abs(rim[2])), turning.rad_s, rim[2])
     spins = observed & (o.grip <= LEAST_TURN_GRIP)
     u = MotionInput(
         dt_s=dt_s,
@@ -335,7 +337,7 @@ def show(
             where(observed, o.left_m_s * dt_s, way[1]),
             where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
         ]),
-        motion_std=motion_std(now, observed, turn_observed, is_held, along_m_s, rim[2], robot, noise),
+        motion_std=motion_std(now, observed, turn_observed, is_held, along_m_s, turn_rad_s, robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,

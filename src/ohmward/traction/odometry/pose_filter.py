@@ -510,14 +510,20 @@ def open_motion(motion: MeasuredMotion, turn: TurnWatch) -> np.ndarray:
 
 
 def changed_since_value(motion: MeasuredMotion) -> Scalar:
-    """Standard deviation [m/s] of the speed by its change since the wheels' last value, while that holds.
+    """Standard deviation [m/s] of the speed by its change since the time of the wheels' last value, while that holds.
 
-    It goes on changing as before that value, over the usual interval or any of `CHANGES_S`, whichever was fastest.
+    It goes on changing as before that value, over the usual interval or any of `CHANGES_S`, whichever was fastest. The
+    value is that of its time or, as of counts, the mean since the one before, equally likely.
     """
     rims, intervals = motion.sensors.rims, motion.sensors.intervals
     age_s, usual_s = intervals.age_s[WHEELS], maximum(intervals.usual_s[WHEELS], ENTRY_S)
-    rates_m_s2 = [abs(change_since(rims, age_s + span_s)) / span_s for span_s in (*CHANGES_S, usual_s)]
-    return where(motion.by_driven, reduce(maximum, rates_m_s2) * age_s, 0.0)
+
+    def fastest_m_s2(shortest_s: Scalar) -> Scalar:
+        return reduce(maximum, [abs(change_since(rims, age_s + s)) / s for s in (*CHANGES_S, shortest_s)])
+
+    by_age = fastest_m_s2(usual_s) * age_s
+    by_time = fastest_m_s2(maximum(usual_s, CHANGES_S[0])) * usual_s
+    return where(motion.by_driven, sqrt(by_age * by_age + by_time * by_time / 8.0), 0.0)
 
 
 def travelled(belief: Belief, u: MotionInput) -> Scalar:
