@@ -212,19 +212,22 @@ def calibrate_track(
     Raises:
         InputError: a mecanum robot, or no stretch.
     """
-    if isinstance(robot.chassis, Mecanum):
+    chassis = robot.chassis
+    if isinstance(chassis, Mecanum):
         raise InputError(
             f"{robot.name} turns by the sum of its track and wheelbase, which no drive tells apart: measure both, and "
             "leave the track out (--what, parts=)"
         )
-    name = TURNS_BY[type(robot.chassis)]
-    own_m = getattr(robot.chassis, name.partition(".")[2]) or robot.chassis.track_m
+    name = TURNS_BY[type(chassis)]
+    own_m = chassis.turning_track_m if isinstance(chassis, SkidSteer) else getattr(chassis, name.partition(".")[2])
     rows = cut(drives, robot, turning=True)
     by_wheels, yaw_rate = rows.rim[:, -1], rows.motion[:, -1]
-    unknown = (Parameter(name, own_m, TRACK_STD * own_m, "the robot hardly turns, or not as its wheels do"),)
-    if isinstance(robot.chassis, Steered):
+    unknown: tuple[Parameter, ...] = (
+        Parameter(name, own_m, TRACK_STD * own_m, "the robot hardly turns, or not as its wheels do"),
+    )
+    if isinstance(chassis, Steered):
         reason = "stretches at other speeds, or at rest, would tell it from the offset of the gyro"
-        unknown += (Parameter(ZERO, robot.chassis.steering_zero_rad, STEERING_ZERO_RAD, reason),)
+        unknown += (Parameter(ZERO, chassis.steering_zero_rad, STEERING_ZERO_RAD, reason),)
     if (own_m * np.abs(by_wheels) >= SLOWEST_M_S).sum() < FEWEST_TURNS:
         return unknown
     if not yaw_rate.any():
@@ -238,14 +241,14 @@ def calibrate_track(
         return unknown
     scale_std = max(drive.yaw_scale_std for drive in drives)
     found = Parameter(name, own_m / share, own_m / share * math.hypot(std / share, radius_share_std, scale_std))
-    if not isinstance(robot.chassis, Steered):
+    if not isinstance(chassis, Steered):
         return (found,)
     # exact for a sine of the angle; else to its third power
     zero_rad, gradient = float(np.arctan(fit.beta[2] / share)), np.array([-fit.beta[2] / share, 0.0, 1.0]) / share
     zero_std_rad = float(np.sqrt(gradient @ fit.cov @ gradient))
     if zero_std_rad > MOST_ZERO_STD_RAD:
         return found, unknown[1]
-    return found, Parameter(ZERO, robot.chassis.steering_zero_rad - zero_rad, zero_std_rad)
+    return found, Parameter(ZERO, chassis.steering_zero_rad - zero_rad, zero_std_rad)
 
 
 def _turn_by_zero(robot: Robot, rim: np.ndarray) -> list[np.ndarray]:

@@ -38,6 +38,11 @@ class Sizes(NamedTuple):
     gear_ratio: float = 1.0
     layout: str = "two-wheel"
 
+    def robot(self) -> Robot:
+        """The generic robot, with sizes to read a drive with where none are known."""
+        radius_m, track_m = self.wheel_radius_m or _START_RADIUS_M, self.track_m or _START_TRACK_M
+        return generic_robot(self.mass_kg, radius_m, track_m, self.wheelbase_m, self.gear_ratio, self.layout)
+
     def start(self) -> Robot:
         """The robot for which the drives are read.
 
@@ -46,8 +51,7 @@ class Sizes(NamedTuple):
         """
         if self.track_m is None and _TURNS_BY.get(self.layout, ("", ""))[0] != "track_m":
             raise InputError(f"no drive shows the track of a {self.layout} robot; measure it: --track M (track_m)")
-        radius_m, track_m = self.wheel_radius_m or _START_RADIUS_M, self.track_m or _START_TRACK_M
-        return generic_robot(self.mass_kg, radius_m, track_m, *self[3:])
+        return self.robot()
 
 
 def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Sizes) -> Calibration:
@@ -81,11 +85,12 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
     if size and getattr(sizes, size) is None:
         turning = calibrate_track(known, robot, radius_std)
         value_m = _required(turning[0], f"{option} ({size})").value
-        sizes = sizes._replace(**{size: 2.0 * value_m if sizes.layout == "omni" else value_m})
+        size_m = 2.0 * value_m if sizes.layout == "omni" else value_m
+        sizes = sizes._replace(wheelbase_m=size_m) if size == "wheelbase_m" else sizes._replace(track_m=size_m)
         found += turning
     elif robot.chassis.scrubs:
         found += calibrate_track(known, robot, radius_std)
-    robot = with_parameters(generic_robot(*sizes), found)
+    robot = with_parameters(sizes.robot(), found)
     return Calibration(robot, tuple(found), None, tuple(known), stuck_notes(known, robot))
 
 
