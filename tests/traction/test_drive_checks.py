@@ -58,6 +58,16 @@ def test_a_stuck_encoder_is_named():
     assert "encoder of front right is at 1.5 rad/s, stuck: the same to the last bit from 5.04 s to 8.98 s" in text
 
 
+@pytest.mark.parametrize("frozen", [False, True])
+def test_an_encoder_that_repeats_one_commanded_speed_while_others_go_on_is_named(frozen):
+    """No encoder flickers: the log has the speeds that were commanded, for five seconds each."""
+    speeds = np.repeat([[4.0, 4.0], [5.0, 3.0], [6.0, 6.0], [3.0, 5.0]], TIME.size // 4, axis=0)
+    left = np.where(frozen & (TIME > 3.0), speeds[0, 0], speeds[:, 0])
+    wheels = np.column_stack([left, speeds[:, 1], np.full((TIME.size, 2), np.nan)])
+    log = replace(good(), wheel_speed_rad_s=wheels, yaw_rate_rad_s=None, speed_m_s=None)
+    assert any("encoder of front left is at 4 rad/s, stuck" in text for text in texts(RLMA, log)) == frozen
+
+
 def test_a_dead_gyro_is_left_out_and_a_good_one_is_not():
     log = good()
     assert mended(RLMA, log) is log
@@ -304,6 +314,9 @@ def test_wheels_without_a_sign_are_named(turn_rate):
     assert texts(RLMA, log) == []
     sizes = replace(log, wheel_speed_rad_s=np.abs(log.wheel_speed_rad_s))
     assert any("lost their sign" in text for text in texts(RLMA, sizes))
+    forward_m_s = log.wheel_speed_rad_s.mean(axis=1) * RLMA.wheel.radius_m
+    outside = replace(sizes, yaw_rate_rad_s=None, speed_m_s=forward_m_s)
+    assert any("the speed from outside is negative in" in text for text in texts(RLMA, outside))
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -40,6 +40,8 @@ SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
 #: A robot that spins on the spot turns its sides equally fast; one with a mirrored side drives curves too, in which the
 #: speeds of the sides differ by more than this share of their sum in that share of the samples.
 UNLIKE, UNLIKE_SHARE = 0.1, 0.1
+#: Number of times that another wheel changes its speed by as much while an encoder repeats its own to the last digit.
+FEWEST_JUMPS = 3
 
 #: A motor only brakes if its currents in the direction of its wheel add up to less than this share of their sizes.
 BRAKES = -0.3
@@ -153,11 +155,14 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
-        moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
+        change = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0)
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > STOPPED.moves_rad_s
         for first, stop in long_runs(same, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
-            if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
+            # others flicker, or go at one commanded speed after another
+            jumps = np.count_nonzero(change[first:stop] > max(UNLIKE * abs(speed[first]), STOPPED.moves_rad_s))
+            moving = (change[first:stop] > 0).mean() > 0.5 or jumps >= FEWEST_JUMPS
+            if not may_stand and moving and turning[first:stop].mean() > 0.5:
                 what, when = f"the encoder of {name} is ", f" {from_to(log.time_s[rows[first:stop]])}"
                 fault = stuck(f"{what}at {speed[first]:.4g} rad/s, ", when, "another wheel")
                 yield f"{fault}, or cut this part out"
@@ -211,10 +216,16 @@ def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Wheels that are never negative while the gyro turns as if one side, or both, turned back for a while."""
-    sides = _sides(robot)
-    speed = log.wheel_speed_rad_s
-    if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -WHEEL_TURNS_RAD_S).any():
+    """Wheels that are never negative while others show that one side, or both, turned back for a while."""
+    sides, speed = _sides(robot), log.wheel_speed_rad_s
+    if sides is None or (np.nan_to_num(speed) < -WHEEL_TURNS_RAD_S).any():
+        return
+    outside, wheels = speed_and_wheels_m_s(robot, log)
+    back = outside < -TURNS_M_S
+    if back.sum() >= FEWEST_BACK and np.median(wheels[back]) > SIZE_SHARE * np.median(-outside[back]):
+        yield _without_sign("the speed from outside is negative", int(back.sum()))
+        return
+    if log.yaw_rate_rad_s is None:
         return
     signs = [np.choose(sides + 1, [right, 1, left]) for left in (1, -1) for right in (1, -1)]
     yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
@@ -230,10 +241,14 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     against = np.count_nonzero(left[0] > LEAST_RAD_S**2)
     if against < FEWEST_VALUES:
         return
-    yield (
-        f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
-        "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
-        "--from and --to (FileHints(start=..., stop=...)) a part in which the robot drives forward"
+    yield _without_sign("the gyro turns as if wheels turned back", against)
+
+
+def _without_sign(evidence: str, samples: int) -> str:
+    return (
+        f"the wheel speeds are never negative, but {evidence} in {samples} samples: they have lost their sign, and way, "
+        "pose and slip are wrong there; let the logger write the sign, or cut out with --from and --to "
+        "(FileHints(start=..., stop=...)) a part in which the robot drives forward"
     )
 
 

@@ -67,6 +67,19 @@ def test_an_encoder_that_repeats_itself_while_the_other_moves_has_stopped(change
     assert np.abs(e.speed_m_s - 0.5)[TIME_S > 12.5].max() < 0.03
 
 
+@pytest.mark.parametrize("left_rad_s", [4.0, 0.0])
+def test_an_encoder_that_repeats_itself_beside_one_that_never_flickers_has_stopped(left_rad_s):
+    """Both repeat the speeds that were commanded, which change every four seconds; the gyro contradicts one."""
+    phase = (TIME_S // 4.0).astype(int) % 3
+    v, w = np.array([0.48, 0.72, 0.6])[phase], np.array([0.0, 0.3, -0.4])[phase]
+    speeds = np.column_stack([v, w]) @ RLMA.rolling[: RLMA.driven].T / RLMA.wheel.radius_m
+    speeds[FAILS, 0] = left_rad_s
+    gyro = w + 0.003 * np.random.default_rng(5).standard_normal(w.size)
+    _, e = scan(SETTINGS, samples(SETTINGS, wheel_speed_rad_s=speeds, yaw_rate_rad_s=gyro))
+    assert not flagged(e)[~FAILS].any() and flagged(e)[TIME_S > 20.0].all()
+    assert np.abs(e.speed_m_s - v)[TIME_S > 20.0].max() < 0.03
+
+
 def test_an_encoder_that_has_stopped_leaves_no_scale_of_the_turn():
     """Until that is known its turn counts, of which the gyro sees nothing."""
     given, _ = winding(lambda speed: speed[FAILS][0])

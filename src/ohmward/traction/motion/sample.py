@@ -19,7 +19,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters.estimator import PerWheel, number, numbers
-from ohmward.filters.sanitize import between, sanitize_step, some, within
+from ohmward.filters.sanitize import between, every, sanitize_step, some, within
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S, limits_of
 from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, where
@@ -245,7 +245,7 @@ class StoppedLimits(NamedTuple):
     #: of wheels that turn it against each other
     turns_rad_s: float = 0.05
     moves_rad_s: float = 0.2  #: speed [rad/s] from which another wheel moves, in a log
-    #: speed [rad/s] by which an encoder must differ from what all others give, which agree within that, on board
+    #: speed [rad/s] by which an encoder must differ from what all others give, which on board agree within that
     differs_rad_s: float = 1.0
 
 
@@ -294,7 +294,8 @@ class EncoderWatch(NamedTuple):
     """What shows that an encoder has stopped, each (wheels,)."""
 
     last_rad_s: np.ndarray  #: last speed
-    repeated_s: np.ndarray  #: time for which it has repeated one other than zero while another encoder moved
+    #: time for which it has repeated one other than zero while another encoder moved, or since then contradicted it
+    repeated_s: np.ndarray
     fell: np.ndarray  #: 1 where it fell to zero faster than a robot can brake, and has repeated it since
     contradicts_s: np.ndarray  #: time for which it has repeated zero and contradicted the other wheels or the gyro
     silent_s: np.ndarray  #: time since its last value, or since it stopped
@@ -375,10 +376,10 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
     moved = [good & (speed != last) for good, speed, last in wheels]
     repeats = [good & logical_not(speed != last) & (last != 0.0) for good, speed, last in wheels]
     stood = [last == 0.0 for last in before.last_rad_s]
-    passed_s = where(some(moved), clean.dt_s, 0.0)
+    passed_s, differ = where(some(moved), clean.dt_s, 0.0), differ_from_others(clean, robot)
     repeated_s = np.array([
-        where(again, t + passed_s, where(some([moves, stands]), 0.0, t))
-        for again, moves, stands, t in zip(repeats, moved, stood, before.repeated_s, strict=True)
+        where(again, t + where(differs & (t > 0.0), clean.dt_s, passed_s), where(some([moves, stands]), 0.0, t))
+        for again, moves, stands, differs, t in zip(repeats, moved, stood, differ, before.repeated_s, strict=True)
     ])  # fmt: skip
     against = turns_against(clean, robot)
     slowest_rad_s = (FALLS_M_S + BRAKES_M_S2 * clean.dt_s) / robot.wheel.radius_m
@@ -387,14 +388,34 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
         for moves, (_, speed, last), before_fell in zip(moved, wheels, before.fell, strict=True)
     ])  # fmt: skip
     contradicts_s = np.array([
-        where(moves | logical_not(stands), 0.0, t + where(against, clean.dt_s, falling * passed_s))
-        for moves, stands, falling, t in zip(moved, stood, fell, before.contradicts_s, strict=True)
+        where(moves | logical_not(stands), 0.0,
+              t + where(against, clean.dt_s, falling * where(differs, clean.dt_s, passed_s)))
+        for moves, stands, falling, differs, t in zip(moved, stood, fell, differ, before.contradicts_s, strict=True)
     ])  # fmt: skip
     last_rad_s = where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s)
     watch = EncoderWatch(last_rad_s, repeated_s, fell, contradicts_s, before.silent_s)
     measured = clean.wheel_measured & logical_not(watch.stopped)
     silent_s = where(measured, 0.0, before.silent_s + clean.dt_s)
     return clean._replace(wheel_measured=measured), watch._replace(silent_s=silent_s)
+
+
+def differ_from_others(clean: CleanSample, robot: Robot) -> list[Scalar]:
+    """Conditions (wheels,) that a driven wheel is far from what the others and a gyro give; none where wheels scrub."""
+    n, known = robot.driven, isfinite(clean.yaw_rate_rad_s)
+    rows = np.vstack([robot.rolling[:n], np.eye(robot.freedoms)[-1]])
+    values = [*(robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]), clean.yaw_rate_rad_s]
+    least_m_s = STOPPED.differs_rad_s * robot.wheel.radius_m
+    found: list[Scalar] = []
+    for k in range(len(robot.places)):
+        others = [i for i in range(n + 1) if i != k]
+        is_determined = np.linalg.matrix_rank(rows[others]) == np.linalg.matrix_rank(rows)
+        if k >= n or robot.chassis.scrubs or not is_determined:
+            found.append(False)
+            continue
+        apart_m_s = values[k] - rows[k] @ np.linalg.pinv(rows[others]) @ np.array([values[i] for i in others])
+        measured = every([clean.wheel_measured[i] for i in others[:-1]])
+        found.append(known & measured & (abs(apart_m_s) > least_m_s))
+    return found
 
 
 def turns_against(clean: CleanSample, robot: Robot) -> Scalar:
