@@ -158,7 +158,8 @@ def gauss_newton(
 
 def hessian(rows: Tangent, prior: Gaussian) -> np.ndarray:
     """(K, K) Hessian of half the cost, by Gauss and Newton: the posterior precision."""
-    return rows.columns.T @ rows.columns + prior.precision
+    columns = rows.columns
+    return columns.T @ columns + prior.precision
 
 
 def remaining_std(found: float, least: float, before: float) -> float:

@@ -32,8 +32,10 @@ def swept(low_degC, high_degC):
     (s,) = problem.samples
     share = 0.5 + 0.5 * np.cos(6 * np.pi * s.time_s / s.time_s[-1])
     s = s._replace(temperature_degC=low_degC + (high_degC - low_degC) * share)
-    return problem._replace(
-        samples=(s._replace(voltage_V=simulate(s, TRUE)),), fit_activation=load_temperature((s,)).shows_activation
+    return replace(
+        problem,
+        samples=(s._replace(voltage_V=simulate(s, TRUE)),),
+        fit_activation=load_temperature((s,)).shows_activation,
     )
 
 
@@ -85,7 +87,7 @@ def test_one_temperature_leaves_the_prior_and_says_so():
 
 def test_a_measured_temperature_slope_narrows_the_curve():
     problem = swept(24.0, 26.0)
-    measured = problem._replace(ocv=replace(problem.ocv, temperature_V_per_K=(1e-4,) * len(problem.ocv.voltage_V)))
+    measured = replace(problem, ocv=replace(problem.ocv, temperature_V_per_K=(1e-4,) * len(problem.ocv.voltage_V)))
     fit = fit_circuit(problem, 1)
     assert ocv_std_V_per_K(fit, measured) < ocv_std_V_per_K(fit, problem)
     assert not any("open-circuit" in sentence for sentence in untested_sentences(fit, measured, "nmc"))
@@ -98,7 +100,7 @@ def test_rests_at_two_temperatures_show_how_the_curve_moves():
     logs = [pulse_log(cell(), count=8, rest_s=3600.0) for _ in range(2)]
     problem = problem_of(*logs, degC=(25.0, 0.0), fit_activation=True)
     samples = tuple(s._replace(voltage_V=simulate(s, moving)) for s in problem.samples)
-    problem = problem._replace(samples=samples)
+    problem = replace(problem, samples=samples)
     fit = fit_circuit(problem, 2)
     soc = np.linspace(0.3, 0.9, 13)
     found = np.interp(soc, np.linspace(0, 1, 201), circuit_of(fit.solution, problem, 1.0).ocv.temperature_V_per_K)
@@ -113,7 +115,7 @@ def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
     bent = replace(TRUE, transfer_V=0.1)
     logs = [pulse_log(cell(), count=8, rest_s=1800.0) for _ in range(2)]
     problem = problem_of(*logs, degC=(25.0, 0.0), fit_activation=True)
-    problem = problem._replace(samples=tuple(s._replace(voltage_V=simulate(s, bent)) for s in problem.samples))
+    problem = replace(problem, samples=tuple(s._replace(voltage_V=simulate(s, bent)) for s in problem.samples))
     fit = fit_circuit(problem, 2)
     assert fit.solution.rates.transfer_V == pytest.approx(0.1, rel=0.15)
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=100.0)
@@ -145,7 +147,7 @@ def test_an_unknown_chemistry_is_the_widest():
 
 def test_a_hysteresis_that_was_seen_is_known_within_half_of_itself():
     problem = swept(24.0, 26.0)
-    seen = problem._replace(ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
+    seen = replace(problem, ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
     fit = fit_circuit(problem, 1)
     assert hysteresis_std(fit, seen) == 0.5
     assert usual_hysteresis_V(seen) == 0.0

@@ -94,7 +94,8 @@ def design(
         reference_degC=reference_degC,
         **rates._replace(transfer_V=None)._asdict(),
     )
-    A, group = np.zeros((samples.soc.size, unknowns.size)), unknowns.group
+    # written and solved column by column
+    A, group = np.zeros((samples.soc.size, unknowns.size), order="F"), unknowns.group
     drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit)
     here, before = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], hat(samples.soc_before, RESISTANCE_GRID)
     A[:, block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)

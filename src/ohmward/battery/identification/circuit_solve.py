@@ -64,6 +64,8 @@ _TRANSFER_V, _TRANSFER_LOG_STD, _TRANSFERS_V = 0.4, 0.8, (0.05, 5.0)
 _HYSTERESIS_RATES, _UNUSED_RATE = (5.0, 200.0), 20.0
 #: Unit of activations in the search, so that all its parameters are of order 1, and bounds of the activations [K].
 _ACTIVATION_UNIT_K, _ACTIVATIONS_K = 1000.0, (-5000.0, 15000.0)
+#: Columns of R_0 in both directions.
+_OHMIC = slice(0, block(1).stop)
 #: Names of the activations in `Rates`.
 _ACTIVATIONS = ("activation_K", "pair_activation_K", "tau_activation_K")
 
@@ -94,7 +96,8 @@ class SoughtRate(NamedTuple):
         return (self.parameter(value) - self.parameter(self.mean)) / self.std
 
 
-class CircuitProblem(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class CircuitProblem:
     """Data and prior of a fit."""
 
     samples: tuple[FitSamples, ...]  #: the thinned records
@@ -158,10 +161,31 @@ class CircuitProblem(NamedTuple):
         """All that the circuit is fitted to: the records, then the low-rate branches."""
         return (*self.samples, *self.branches)
 
-    @property
+    @cached_property
     def volts(self) -> float:
         """Voltage of the battery over that of a lithium-ion cell."""
         return float(np.nanmean(np.concatenate([s.voltage_V for s in self.samples]))) / CELL_V
+
+    @cached_property
+    def targets_V(self) -> np.ndarray:
+        """(M,) measured voltage of all records less the OCV curve; 0 where there is no voltage, which has no weight."""
+        return np.concatenate([_target(self, s) for s in self.records])
+
+    @cached_property
+    def std_V(self) -> np.ndarray:
+        """(M,) standard deviation of each sample."""
+        return np.concatenate([_std_V(self, s) for s in self.records])
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """(M,) number of samples that each counts as: those within 60 s share one error, one without a voltage none."""
+        shares = [np.minimum(s.dt_s, CORRELATION_S) / CORRELATION_S for s in self.records]
+        return np.where(self.measured, np.concatenate(shares), 0.0)
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """(M,) bool: samples with a voltage."""
+        return np.concatenate([np.isfinite(s.voltage_V) for s in self.records])
 
 
 @cache
@@ -213,26 +237,32 @@ class LinearRows(NamedTuple):
     """Rows of all records, linear about a point."""
 
     residual: np.ndarray  #: (M,) over the standard deviations
-    columns: np.ndarray  #: (M, K) derivatives, over the same
+    system: LinearSystem  #: whose columns these are
+    scale: np.ndarray  #: (M,) inverse standard deviations
+    slope: np.ndarray  #: (M,) derivative of the ohmic drop by the drop without charge transfer
     cost: float
     residual_V: np.ndarray  #: (M,)
     robust: np.ndarray  #: (M,) weights of outlying samples, 1 for none
     misfit: float  #: sum of squares of the residuals over their standard deviations, outlying samples counting in full
 
+    @property
+    def columns(self) -> np.ndarray:
+        """(M, K) derivatives over the standard deviations: large, and made only where they are used."""
+        columns = self.system.columns * self.scale[:, None]
+        columns[:, _OHMIC] *= self.slope[:, None]
+        return columns
+
     def information(self, x: np.ndarray) -> Gaussian:
         """Information of the records on the unknowns, from the rows about x: their normal equations."""
-        target = self.residual + self.columns @ x
-        return Gaussian(self.columns.T @ self.columns, self.columns.T @ target)
+        columns = self.columns
+        return Gaussian(columns.T @ columns, columns.T @ (self.residual + columns @ x))
 
 
 class LinearSystem(NamedTuple):
     """Voltage minus OCV curve of all records as y = A x, but for the nonlinear ohmic drop of charge transfer."""
 
+    problem: CircuitProblem  #: y and its standard deviations
     columns: np.ndarray  #: A (M, K)
-    targets: np.ndarray  #: y (M,)
-    std_V: np.ndarray  #: (M,) of each sample
-    weights: np.ndarray  #: (M,) number of samples that each counts as
-    ohmic: slice  #: the columns of R_0
     transfer_V: float | None  #: V_t of the ohmic drop; None if it is linear
 
     def about(self, x: np.ndarray, robust: np.ndarray | None = None) -> LinearRows:
@@ -240,19 +270,18 @@ class LinearSystem(NamedTuple):
 
         V_t f(u) with u = r0 i / V_t is d r0 i + V_t (f(u) - d u), where d is the derivative of f at u.
         """
-        A, expected_V, slope = self.columns, self.columns @ x, np.ones(self.targets.size)
+        problem, expected_V = self.problem, self.columns @ x
+        slope = np.ones(expected_V.size)
         if self.transfer_V is not None:
-            straight_V = A[:, self.ohmic] @ x[self.ohmic]
+            straight_V = self.columns[:, _OHMIC] @ x[_OHMIC]
             drop, slope = _transferred().scan(0.0, straight_V / self.transfer_V)[1]
             expected_V += self.transfer_V * drop - straight_V
-        residual_V = self.targets - expected_V
-        square = (residual_V / self.std_V) ** 2
+        residual_V = problem.targets_V - expected_V
+        square = (residual_V / problem.std_V) ** 2
         robust = robust_weights(square) if robust is None else robust
-        scale = np.sqrt(self.weights * robust) / self.std_V
-        columns = A * scale[:, None]
-        columns[:, self.ohmic] *= slope[:, None]
-        cost = float(self.weights @ pseudo_huber(robust))
-        return LinearRows(scale * residual_V, columns, cost, residual_V, robust, float(self.weights @ square))
+        scale = np.sqrt(problem.weights * robust) / problem.std_V
+        cost, misfit = float(problem.weights @ pseudo_huber(robust)), float(problem.weights @ square)
+        return LinearRows(scale * residual_V, self, scale, slope, cost, residual_V, robust, misfit)
 
 
 def solve(
@@ -273,7 +302,7 @@ def solve(
 
     if near is None:
         nothing = np.zeros(unknowns.size)
-        first = system.about(nothing, np.ones(system.targets.size)).information(nothing)
+        first = system.about(nothing, np.ones(problem.weights.size)).information(nothing)
         prior = _prior(problem, unknowns, first)
         start = _nonnegative(*prior.times(first), bounded)
         x, rows = gauss_newton(system.about, prior, start, most_steps, minimum)
@@ -282,9 +311,8 @@ def solve(
         prior = _prior(problem, unknowns, of_records)
         x = _nonnegative(*prior.times(of_records), bounded)
         rows = system.about(x, near.rows.robust)
-    measured = np.concatenate([np.isfinite(s.voltage_V) for s in problem.records])
     ends = np.cumsum([s.soc.size for s in problem.records])
-    residual_V = np.split(np.where(measured, rows.residual_V, np.nan), ends[:-1])[: len(problem.samples)]
+    residual_V = np.split(np.where(problem.measured, rows.residual_V, np.nan), ends[:-1])[: len(problem.samples)]
     of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
     return CircuitSolution(unknowns, rates, x, rows, prior, tuple(residual_V), of_prior)
 
@@ -295,14 +323,7 @@ def _linear_system(problem: CircuitProblem, unknowns: Unknowns, rates: Rates) ->
         design(s, k, unknowns, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
         for k, s in enumerate(problem.records)
     ]
-    return LinearSystem(
-        np.vstack(columns),
-        np.concatenate([_target(problem, s) for s in problem.records]),
-        np.concatenate([_std_V(problem, s) for s in problem.records]),
-        np.concatenate([_samples(s) for s in problem.records]),
-        slice(0, block(1).stop),
-        rates.transfer_V,
-    )
+    return LinearSystem(problem, np.vstack(columns), rates.transfer_V)
 
 
 def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
@@ -319,11 +340,6 @@ def _std_V(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
     over_V2 = _target(problem, samples) ** 2
     variance_V2 = voltage_variance(VOLTAGE_STD_V * problem.volts, _OVERPOTENTIAL_SHARE, over_V2, slope_V)
     return np.asarray(error_factor(problem.prior, samples) * np.sqrt(variance_V2))
-
-
-def _samples(samples: FitSamples) -> np.ndarray:
-    """(N,) number of samples that each counts as: those within 60 s share one error, one without a voltage counts 0."""
-    return np.where(np.isfinite(samples.voltage_V), np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S, 0.0)
 
 
 def error_factor(prior: ChemistryPrior, samples: FitSamples) -> np.ndarray:

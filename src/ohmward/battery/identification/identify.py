@@ -398,7 +398,7 @@ def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -
     """The fit with a nonlinear drop where the logs clearly show it, else the linear one; a note on it."""
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
-    with_transfer = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
+    with_transfer = fit_circuit(replace(problem, transfer_V=transfer_V), len(near.tau_s), near=(near,))
     left = with_transfer.solution.rows.misfit / straight.solution.rows.misfit
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
