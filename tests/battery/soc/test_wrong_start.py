@@ -77,18 +77,30 @@ def test_a_right_start_is_the_same_to_the_last_bit():
     np.testing.assert_array_equal(estimator.run(log).soc, estimates.soc)
 
 
-@pytest.mark.parametrize("voltages", [[8.0, 0, 0], [8.0, 8.0, 0], [0, 8.0, 0], [8.0, np.nan, 0], [np.nan, 8.0, 0]])
-def test_live_and_along_a_log_alike(voltages):
+WRONG_STARTS = ([8.0, 0, 0], [8.0, 8.0, 0], [0, 8.0, 0], [8.0, np.nan, 0], [np.nan, 8.0, 0])
+
+
+def started_wrong(voltages):
+    """A log with these first voltages, 0 for the right one, and its run."""
     truth = mission("lfp")
     truth.voltage_V[:3] = np.where(np.array(voltages) == 0, truth.voltage_V[:3], voltages)
     log = log_of(truth)
+    return log, SocEstimator(battery_of("lfp"), TRUE_SOC).run(log)
+
+
+@pytest.mark.parametrize("voltages", WRONG_STARTS)
+def test_live_and_along_a_log_alike(voltages):
+    log, run = started_wrong(voltages)
     live = SocEstimator(battery_of("lfp"), TRUE_SOC)
     found = [live.update(*row) for row in rows_of(log)]
-    run = SocEstimator(battery_of("lfp"), TRUE_SOC).run(log)
     np.testing.assert_allclose([estimate.soc for estimate in found], run.soc, atol=1e-9)
     assert [int(estimate.flags) for estimate in found] == run.flags.tolist()
-    (lane,) = estimate_logs(live.settings, [log], TRUE_SOC)
-    np.testing.assert_allclose(lane.soc, run.soc, atol=1e-9)
+
+
+def test_in_lanes_and_alone_alike():
+    logs, runs = zip(*map(started_wrong, WRONG_STARTS), strict=True)
+    for lane, run in zip(estimate_logs(runs[0].settings, logs, TRUE_SOC), runs, strict=True):
+        np.testing.assert_allclose(lane.soc, run.soc, atol=1e-9)
 
 
 def test_a_log_that_goes_on_from_wrong_live_samples_starts_again():
