@@ -7,11 +7,11 @@ import subprocess
 import numpy as np
 import pytest
 
-from embedded.batteries import BATTERY
+from embedded.batteries import BATTERY, soc_export, soc_library
 from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.embedded import battery_export, library, write_library
+from ohmward.embedded import library, write_library
 from ohmward.embedded.c_library import check_fits, size
 from ohmward.embedded.comments import field_comments, flag_comments
 from ohmward.errors import InputError, OhmwardError
@@ -43,7 +43,7 @@ def made(folder, *arguments):
 @needs_gcc
 @pytest.mark.parametrize("name", ["ekf", "textbook-ukf", "coulomb", "textbook-joint"])
 def test_the_vectors_pass_to_the_last_bit_and_the_compiler_is_silent(name, tmp_path):
-    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
+    write_library(soc_library(name), tmp_path)
     result = made(tmp_path, "test")
     assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
     assert "64 of 64 vectors right to the last bit" in result.stdout
@@ -51,7 +51,7 @@ def test_the_vectors_pass_to_the_last_bit_and_the_compiler_is_silent(name, tmp_p
 
 @needs_gcc
 def test_a_wrong_bit_is_found(tmp_path):
-    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    files = dict(soc_library("coulomb"))
     files["soc.c"] = files["soc.c"].replace("output->soc_std = ", "output->soc_std = 1.0000001f * ")
     write_library(files, tmp_path)
     result = made(tmp_path, "test")
@@ -60,7 +60,7 @@ def test_a_wrong_bit_is_found(tmp_path):
 
 @needs_gcc
 def test_sanitizers_find_nothing(tmp_path):
-    write_library(library(battery_export(BATTERY, "ekf", "soc")), tmp_path)
+    write_library(soc_library("ekf"), tmp_path)
     result = made(tmp_path, "test", "TARGET=-fsanitize=address,undefined -fno-sanitize-recover=all")
     assert result.returncode == 0, result.stdout + result.stderr
 
@@ -68,7 +68,7 @@ def test_sanitizers_find_nothing(tmp_path):
 @needs_gcc
 @needs_cppcheck
 def test_cppcheck_finds_nothing(tmp_path):
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    write_library(soc_library("textbook-ekf"), tmp_path)
     command = ["cppcheck", "--quiet", "--enable=warning,portability", "--error-exitcode=1", tmp_path / "soc.c"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
@@ -78,12 +78,12 @@ def test_cppcheck_finds_nothing(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", available(BATTERY, with_published=True))
 def test_every_estimator_can_be_exported(name, tmp_path):
-    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
+    write_library(soc_library(name), tmp_path)
     assert made(tmp_path, "test").returncode == 0
 
 
 def test_single_precision_is_good_enough():
-    export = battery_export(BATTERY, "ekf", "soc")
+    export = soc_export("ekf")
     samples = np.nan_to_num(export.samples, nan=0.0, posinf=13.2)[:40]
     estimator = make_estimator("ekf", BATTERY)
     start = estimator.init(SocSample(0.0, 0.0, 13.2, 25.0), 0.5, 0.3)
@@ -96,14 +96,14 @@ def test_single_precision_is_good_enough():
 
 
 def test_the_header_says_what_the_docstrings_say():
-    header = library(battery_export(BATTERY, "ekf", "soc"))["soc.h"]
+    header = soc_library("ekf")["soc.h"]
     assert "float voltage_V; /* measured terminal voltage [V] of the whole pack */" in header
     assert "#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate, or a jump" in header
     assert "void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);" in header
 
 
 def test_the_readme_says_what_the_flags_mean_and_how_to_ask():
-    text = library(battery_export(BATTERY, "ekf", "soc"))["README.md"]
+    text = soc_library("ekf")["README.md"]
     assert "| `SOC_GAP` | 8 | step too long to assume a straight line between its two currents |" in text
     assert "(unsigned)output.flags & SOC_NO_CURRENT" in text
 
@@ -115,7 +115,7 @@ def test_every_flag_has_its_comment(flags):
 
 @needs_gcc
 def test_a_start_that_few_digits_cannot_tell_passes_too(tmp_path):
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc", 0.123456789, 0.0123456789)), tmp_path)
+    write_library(soc_library("textbook-ekf", soc=0.123456789, soc_std=0.0123456789), tmp_path)
     result = made(tmp_path, "test")
     assert result.returncode == 0, result.stdout + result.stderr
 
@@ -127,14 +127,14 @@ def test_comments_come_from_docstrings_of_several_lines():
 
 
 def test_no_symbol_is_without_its_prefix(tmp_path):
-    source = library(battery_export(BATTERY, "textbook-ukf", "pack"))["pack.c"]
+    source = soc_library("textbook-ukf", "pack")["pack.c"]
     functions = [line for line in source.splitlines() if line.startswith(("static", "void"))]
     assert functions and all("pack_" in line for line in functions)
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
 def test_a_caller_in_cpp_needs_no_more_than_the_header(tmp_path):
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    write_library(soc_library("textbook-ekf"), tmp_path)
     assert made(tmp_path, "lib").returncode == 0
     (tmp_path / "main.cpp").write_text(CALLER)
     strict = ["-std=c++17", "-Wall", "-Wextra", "-pedantic", "-Werror"]
@@ -148,8 +148,8 @@ def test_a_caller_in_cpp_needs_no_more_than_the_header(tmp_path):
 @pytest.mark.parametrize("style", ["lines", "loops"])
 @pytest.mark.parametrize("name", ["textbook-ekf", "textbook-ukf"])
 def test_a_curve_on_lines_is_small_and_right_to_the_last_bit(name, style, tmp_path):
-    whole = battery_export(BATTERY, name, "soc", style=style)
-    export = battery_export(BATTERY, name, "soc", style=style, curve_error_V=8e-3)
+    whole = soc_export(name, style=style)
+    export = soc_export(name, style=style, curve_error_V=8e-3)
     assert size(export).flash < size(whole).flash - 2048
     assert re.search(r"curve within \d\.?\d? mV", export.title)
     write_library(library(export), tmp_path)
@@ -159,10 +159,10 @@ def test_a_curve_on_lines_is_small_and_right_to_the_last_bit(name, style, tmp_pa
 
 
 def test_a_curve_on_lines_changes_what_is_estimated_as_little_as_the_curve():
-    samples = np.nan_to_num(battery_export(BATTERY, "textbook-ukf").samples, nan=0.0, posinf=13.2)[:20]
+    samples = np.nan_to_num(soc_export("textbook-ukf").samples, nan=0.0, posinf=13.2)[:20]
     outputs = []
     for curve_error_V in (None, 4e-3):
-        export = battery_export(BATTERY, "textbook-ukf", curve_error_V=curve_error_V)
+        export = soc_export("textbook-ukf", curve_error_V=curve_error_V)
         start = single_precision.evaluate(
             single_precision.expanded(export.start), np.array([*samples[0], 0.5, 0.01], np.float32)
         )
@@ -173,13 +173,13 @@ def test_a_curve_on_lines_changes_what_is_estimated_as_little_as_the_curve():
 @pytest.mark.parametrize("name", ["ekf", "coulomb"])
 def test_a_curve_error_is_for_filters_of_the_curve_alone(name):
     with pytest.raises(InputError, match="a curve error is for textbook-ekf, textbook-ukf"):
-        battery_export(BATTERY, name, curve_error_V=1e-3)
+        soc_export(name, curve_error_V=1e-3)
     with pytest.raises(InputError, match="textbook-joint has no open-circuit voltage curve"):
-        battery_export(BATTERY, "textbook-joint", curve_error_V=1e-3)
+        soc_export("textbook-joint", curve_error_V=1e-3)
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_written():
-    export = battery_export(BATTERY, "ekf", "soc")
+    export = soc_export("ekf")
     check_fits(export, size(export).flash, size(export).state)
     with pytest.raises(InputError, match="bytes of flash, more than the 2048 there are"):
         check_fits(export, 2048.0, None)
@@ -194,7 +194,7 @@ def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
 
 
 def test_files_that_no_export_wrote_are_kept(tmp_path):
-    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    files = dict(soc_library("coulomb"))
     write_library(files, tmp_path / "own")
     write_library(files, tmp_path / "own")
     (tmp_path / "Makefile").write_text("all: mine")

@@ -5,10 +5,10 @@ import subprocess
 import numpy as np
 import pytest
 
-from embedded.batteries import BATTERY
+from embedded.batteries import soc_export, soc_library
 from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.soc.sample import SocSample
-from ohmward.embedded import Twin, battery_export, library, write_library
+from ohmward.embedded import Twin, library, write_library
 from ohmward.embedded.battery import WITH_LOOPS
 from ohmward.embedded.c_library import check_fits, size
 from ohmward.errors import InputError
@@ -18,7 +18,7 @@ every_rate = pytest.mark.parametrize("sample_time_s", [None, 0.5])
 
 
 def written(folder, name, style="loops", sample_time_s=None):
-    export = battery_export(BATTERY, name, "soc", sample_time_s=sample_time_s, style=style)
+    export = soc_export(name, sample_time_s=sample_time_s, style=style)
     write_library(library(export), folder)
     return export
 
@@ -87,26 +87,26 @@ def test_cppcheck_finds_nothing(name, tmp_path):
 
 @every_filter
 def test_the_header_and_the_vectors_are_those_of_the_straight_line(name):
-    lines, loops = (library(battery_export(BATTERY, name, "soc", style=style)) for style in ("lines", "loops"))
+    lines, loops = (soc_library(name, style=style) for style in ("lines", "loops"))
     assert loops["soc.h"] == lines["soc.h"] and loops["soc_vectors.h"] == lines["soc_vectors.h"]
     assert loops["soc.c"] != lines["soc.c"]
 
 
 def test_no_function_is_without_its_prefix():
-    source = library(battery_export(BATTERY, "textbook-joint", "pack", style="loops"))["pack.c"]
+    source = soc_library("textbook-joint", "pack", style="loops")["pack.c"]
     functions = [line for line in source.splitlines() if line.startswith(("static", "void"))]
     assert len(functions) > 5 and all("pack_" in line for line in functions)
 
 
 def test_other_filters_have_no_loops_and_say_which_have():
     with pytest.raises(InputError, match="ekf has no loops, only textbook-ekf, textbook-ukf, textbook-joint have"):
-        battery_export(BATTERY, "ekf", style="loops")
+        soc_export("ekf", style="loops")
     with pytest.raises(InputError, match="style must be one of lines, loops, got 'rolled'"):
-        battery_export(BATTERY, "textbook-ekf", style="rolled")  # type: ignore[arg-type]
+        soc_export("textbook-ekf", style="rolled")  # type: ignore[arg-type]
 
 
 def test_loops_fit_where_the_straight_line_does_not():
-    lines, loops = (battery_export(BATTERY, "textbook-joint", style=style) for style in ("lines", "loops"))
+    lines, loops = (soc_export("textbook-joint", style=style) for style in ("lines", "loops"))
     check_fits(loops, 2048.0, 256.0)
     with pytest.raises(InputError, match=r"bytes of flash, more than the 2048 there are.*--style loops"):
         check_fits(lines, 2048.0, 256.0)

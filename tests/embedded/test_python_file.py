@@ -9,7 +9,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 import numpy as np
 import pytest
 
-from embedded.batteries import BATTERY
+from embedded.batteries import BATTERY, soc_export
 from ohmward import generic_battery, save_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import make_estimator
@@ -55,7 +55,7 @@ def estimates(name, samples):
 @pytest.mark.parametrize("name", FILTERS)
 def test_it_gives_what_the_estimator_gives(name, tmp_path):
     X = rows()
-    model = loaded(python_file(battery_export(BATTERY, name, "model")), tmp_path)
+    model = loaded(python_file(soc_export(name, "model")), tmp_path)
     interval_s = np.where(np.arange(len(X)) == 0, 0.0, 1.0)
     wanted = estimates(name, SocSample(interval_s, *X.T)).soc
     np.testing.assert_allclose(model.Model(X)[0], wanted, rtol=0.0, atol=1e-9)
@@ -63,23 +63,24 @@ def test_it_gives_what_the_estimator_gives(name, tmp_path):
 
 @pytest.mark.parametrize("chemistry", ["nmc", "lfp"])
 @pytest.mark.parametrize("name", ["ekf", "gsf"])
-@pytest.mark.parametrize("given", [{}, {"soc": 0.9, "soc_std": 0.05}])
-def test_its_first_estimate_is_that_of_the_live_estimator(chemistry, name, given, tmp_path):
+def test_its_first_estimate_is_that_of_the_live_estimator(chemistry, name, tmp_path):
     """Full, empty, between and absurd; at rest, loaded and charging; warm, cold and without a temperature."""
     battery = generic_battery(chemistry, 12.0)
-    model = loaded(python_file(battery_export(battery, name, "model"), **given), tmp_path)
-    spelled = {f"initial_{word}": value for word, value in given.items()}
-    for voltage_V in (*battery.thevenin.ocv.mean_V(np.array([0.0, 0.3, 0.97]), 25.0), 0.0, np.nan):
-        for current_A, temperature_degC in ((0.0, 25.0), (-18.0, -15.0), (6.0, np.nan), (np.nan, 40.0)):
-            row = current_A, float(voltage_V), temperature_degC
-            live = SocEstimator(battery, **spelled, filter=name, lowering="python").update(0.0, *row)
-            assert model.Model([row])[0][0] == pytest.approx(live.soc, abs=1e-9), row
+    export = battery_export(battery, name, "model")
+    for given in ({}, {"soc": 0.9, "soc_std": 0.05}):
+        model = loaded(python_file(export, **given), tmp_path, f"model_{len(given)}")
+        spelled = {f"initial_{word}": value for word, value in given.items()}
+        for voltage_V in (*battery.thevenin.ocv.mean_V(np.array([0.0, 0.3, 0.97]), 25.0), 0.0, np.nan):
+            for current_A, temperature_degC in ((0.0, 25.0), (-18.0, -15.0), (6.0, np.nan), (np.nan, 40.0)):
+                row = current_A, float(voltage_V), temperature_degC
+                live = SocEstimator(battery, **spelled, filter=name, lowering="python").update(0.0, *row)
+                assert model.Model([row])[0][0] == pytest.approx(live.soc, abs=1e-9), (given, row)
 
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_faults_of_sensors_and_clock_have_the_same_results(name, tmp_path):
     samples = vector_samples(BATTERY)
-    model = loaded(python_file(battery_export(BATTERY, name, "model")), tmp_path)
+    model = loaded(python_file(soc_export(name, "model")), tmp_path)
     assert {flag.name: flag.value for flag in SocFlag} == model.FLAGS
     state, outputs = model.start(model.Sample(*samples[0].tolist()), *model.START), []
     for row in samples.tolist():
@@ -92,7 +93,7 @@ def test_faults_of_sensors_and_clock_have_the_same_results(name, tmp_path):
 
 
 def test_a_run_in_parts_is_the_run(tmp_path):
-    model = loaded(python_file(battery_export(BATTERY, "ekf", "model")), tmp_path)
+    model = loaded(python_file(soc_export("ekf", "model")), tmp_path)
     X = rows()
     whole, _ = model.Model(X)
     first, z = model.Model(X[:1])
@@ -107,7 +108,7 @@ def test_a_run_in_parts_is_the_run(tmp_path):
 @pytest.mark.parametrize("padding", [(-6.0, 13.25, 25.0), (0.0, 13.25, 25.0), (0.0, 0.0, 0.0), (np.nan,) * 3])
 def test_an_hour_of_padding_costs_nothing(padding, tmp_path):
     """Blind benchmarks put 3,600 rows before each run: the first row, even without the current of its voltage."""
-    model = loaded(python_file(battery_export(BATTERY, "default", "model")), tmp_path)
+    model = loaded(python_file(soc_export("default", "model")), tmp_path)
     X = np.stack([np.full(120, -6.0), np.linspace(13.25, 13.1, 120), np.full(120, 25.0)], axis=1)
     padded, z = model.Model(np.tile(padding, (3600, 1)))
     assert (padded == padded[0]).all()
@@ -116,7 +117,7 @@ def test_an_hour_of_padding_costs_nothing(padding, tmp_path):
 
 def test_a_rest_of_equal_rows_is_known_under_the_load_after_it(tmp_path):
     """Its voltage is its own: the load changes it, so the run does not begin again."""
-    model = loaded(python_file(battery_export(BATTERY, "ekf", "model")), tmp_path)
+    model = loaded(python_file(soc_export("ekf", "model")), tmp_path)
     rest, load = [0.0, 13.6, 25.0], [-6.0, 13.3, 25.0]
     rested, loaded_alone = model.Model([rest] * 60 + [load])[0][-1], model.Model([load])[0][-1]
     assert rested == pytest.approx(model.Model([rest, load])[0][-1])
@@ -124,13 +125,13 @@ def test_a_rest_of_equal_rows_is_known_under_the_load_after_it(tmp_path):
 
 
 def test_another_interval_is_that_of_the_rows(tmp_path):
-    model = loaded(python_file(battery_export(BATTERY, "coulomb", "model", sample_time_s=10.0), 10.0), tmp_path)
+    model = loaded(python_file(soc_export("coulomb", "model", sample_time_s=10.0), 10.0), tmp_path)
     soc = model.Model(np.stack([np.full(31, -12.0), 13.2 - 1e-3 * np.arange(31), np.full(31, 25.0)], axis=1))[0]
     assert soc[0] - soc[-1] == pytest.approx(300.0 / 3600.0, rel=0.01)
 
 
 def test_it_needs_numpy_only(tmp_path):
-    loaded(python_file(battery_export(BATTERY, "ekf", "model")), tmp_path)
+    loaded(python_file(soc_export("ekf", "model")), tmp_path)
     program = f"""\
 import sys
 sys.path.insert(0, {str(tmp_path)!r})
@@ -151,9 +152,9 @@ def test_what_has_no_state_of_charge_is_refused():
     with pytest.raises(InputError, match="estimators of the state of charge"):
         python_file(controller_export(RLMA, "slip-controller", "wheel"))
     with pytest.raises(InputError, match="that start from the first voltage, such as gsf"):
-        python_file(battery_export(BATTERY, "published.hybrid", "model"))
+        python_file(soc_export("published.hybrid", "model"))
     with pytest.raises(InputError, match="name must be one that Python can import"):
-        python_file(battery_export(BATTERY, "ekf", "class"))
+        python_file(soc_export("ekf", "class"))
 
 
 def test_the_command_writes_it(tmp_path, capsys):

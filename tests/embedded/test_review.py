@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from embedded.batteries import soc_export, soc_library
 from markdown_pages import programs
 from needs import needs_cppcheck, needs_gcc
 from ohmward.battery.chemistries import generic_battery
 from ohmward.embedded import battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
 
-BATTERY = generic_battery("lfp", 12.0, 4)
 EXPORTS = {
-    "lines": lambda: battery_export(BATTERY, "textbook-ekf", "soc"),
-    "loops": lambda: battery_export(BATTERY, "textbook-ukf", "soc", style="loops"),
+    "lines": lambda: soc_export("textbook-ekf"),
+    "loops": lambda: soc_export("textbook-ukf", style="loops"),
     "controller": lambda: controller_export(RLMA, name="soc"),
 }
 FIRMWARE = ("soc.c", "soc_frame.c", "soc_saved.c")
@@ -63,7 +63,7 @@ def test_the_readme_lists_every_deviation_from_misra(kind, tmp_path):
 
 @needs_gcc
 def test_a_state_outlives_the_power_and_no_other_is_loaded(tmp_path):
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    write_library(soc_library("textbook-ekf"), tmp_path)
     (tmp_path / "main.c").write_text(POWER_CYCLE)
     warnings = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-pedantic", "-Werror"]
     command = ["gcc", *warnings, "-fsanitize=undefined", "-o", "app", "main.c", *FIRMWARE, "-lm"]
@@ -73,7 +73,7 @@ def test_a_state_outlives_the_power_and_no_other_is_loaded(tmp_path):
 
 def test_another_battery_is_another_library():
     other = library(battery_export(generic_battery("lfp", 13.0, 4), "textbook-ekf", "soc"))
-    ours = library(battery_export(BATTERY, "textbook-ekf", "soc"))
+    ours = soc_library("textbook-ekf")
     assert ours["soc_saved.h"] != other["soc_saved.h"]
 
 
@@ -111,7 +111,7 @@ struct Memory { void update(int, uint8_t); uint8_t read(int); } ; extern Memory 
 def test_the_pages_boards_compile(board, compiler, tmp_path):
     if not shutil.which(compiler):
         pytest.skip(f"{compiler} is not installed")
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    write_library(soc_library("textbook-ekf"), tmp_path)
     header = tmp_path / board
     header.parent.mkdir(parents=True, exist_ok=True)
     header.write_text(BOARDS[board])

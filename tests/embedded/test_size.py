@@ -5,8 +5,8 @@ import subprocess
 
 import pytest
 
-from embedded.batteries import BATTERY
-from ohmward.embedded import battery_export, controller_export, library, write_library
+from embedded.batteries import BATTERY, soc_export
+from ohmward.embedded import controller_export, library, write_library
 from ohmward.embedded.c_library import size
 from ohmward.traction import RLMA
 
@@ -36,7 +36,7 @@ def measured(export, folder):
 @pytest.mark.skipif(not shutil.which(COMPILER), reason=f"{COMPILER} is not installed")
 @pytest.mark.parametrize(("name", "sample_time_s", "style"), CASES)
 def test_flash_is_estimated_within_a_sixth(name, sample_time_s, style, tmp_path):
-    export = battery_export(BATTERY, name, "soc", sample_time_s=sample_time_s, style=style)
+    export = soc_export(name, sample_time_s=sample_time_s, style=style)
     assert size(export).flash == pytest.approx(measured(export, tmp_path), rel=1 / 6)
 
 
@@ -49,9 +49,9 @@ def test_that_of_a_controller_too(tmp_path):
 @pytest.mark.skipif(not shutil.which(COMPILER), reason=f"{COMPILER} is not installed")
 def test_the_bare_filters_stay_small(tmp_path):
     """Code and tables: the textbook filter's curve apart 2 KB, the joint filter 9 KB as lines and 1.7 KB as loops."""
-    joint, loops = (battery_export(BATTERY, "textbook-joint", style=style) for style in ("lines", "loops"))
+    joint, loops = (soc_export("textbook-joint", style=style) for style in ("lines", "loops"))
     assert measured(joint, tmp_path / "lines") < 9 * 1024
     assert measured(loops, tmp_path / "loops") <= 1.7 * 1024
-    textbook = battery_export(BATTERY, "textbook-ukf", "soc", sample_time_s=1.0)
+    textbook = soc_export("textbook-ukf", sample_time_s=1.0)
     curve = 4 * 4 * (len(BATTERY.thevenin.ocv.voltage_V) + 1)
     assert measured(textbook, tmp_path / "textbook") - curve < 1536

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from embedded.batteries import soc_library
 from markdown_pages import programs
 from needs import needs_gcc
-from ohmward.battery.chemistries import generic_battery
-from ohmward.embedded import battery_export, controller_export, library, write_library
+from ohmward.embedded import controller_export, library, write_library
 from ohmward.traction import RLMA
 
-BATTERY = generic_battery("lfp", 12.0, 4)
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wundef", "-pedantic"]
 MAIN = """
 int main(void)
@@ -35,7 +34,7 @@ def do(*words, **options):
 @pytest.fixture
 def soc(tmp_path):
     """A folder with a filter whose start takes arguments."""
-    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path / "soc")
+    write_library(soc_library("textbook-ekf"), tmp_path / "soc")
     return tmp_path / "soc"
 
 
@@ -64,7 +63,7 @@ def test_another_compiler_or_other_flags_compile_anew(soc):
     do("make", "-s", "-C", soc, "lib", "CFLAGS=-O0 -g")
     assert (soc / "soc.o").stat().st_mtime_ns > before
     do("make", "-s", "-C", soc, "clean")
-    assert {p.name for p in soc.iterdir()} == set(library(battery_export(BATTERY, "textbook-ekf", "soc")))
+    assert {p.name for p in soc.iterdir()} == set(soc_library("textbook-ekf"))
 
 
 @pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="no cross compiler here: gcc-arm-none-eabi")

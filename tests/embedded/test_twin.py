@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from embedded.batteries import soc_export, soc_library
 from needs import needs_gcc
-from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.sample import SocSample
-from ohmward.embedded import Twin, battery_export, controller_export, library, observer_export, twin, write_library
+from ohmward.embedded import Twin, controller_export, library, observer_export, twin, write_library
 from ohmward.embedded.comparison import compare, in_double_precision
 from ohmward.embedded.twin import FLAGS
 from ohmward.errors import InputError, OhmwardError
@@ -25,7 +24,6 @@ from ohmward.traction.control import Measurement, SlipCommand
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
 pytestmark = needs_gcc
-BATTERY: Battery = generic_battery("lfp", 12.0, 4)
 FIRST = SocSample(0.0, -1.0, 13.2, 25.0)
 
 
@@ -52,7 +50,7 @@ def rows(outputs):
 @pytest.mark.parametrize("name", ["coulomb", "textbook-ekf", "ekf"])
 def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path):
     run = pytest.importorskip("ohmward.trace.lower.llvm_run")
-    export, log = battery_export(BATTERY, name, "soc"), a_log(60)
+    export, log = soc_export(name), a_log(60)
     copy = made(export, tmp_path)
     copy.start(SocSample(*log[0]), **dict(zip(copy.arguments, (0.7, 0.1), strict=False)))
     state = np.concatenate([np.ravel(part) for part in copy.state])
@@ -68,7 +66,7 @@ def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path)
 
 @pytest.mark.parametrize("soc", [0.25, math.nan])
 def test_the_start_is_that_of_the_program(soc, tmp_path):
-    export = battery_export(BATTERY, "ekf", "soc")
+    export = soc_export("ekf")
     copy = made(export, tmp_path)
     copy.start(FIRST, soc=soc, soc_std=0.5)
     inputs = np.array([*FIRST, soc, 0.5], np.float32)
@@ -77,14 +75,14 @@ def test_the_start_is_that_of_the_program(soc, tmp_path):
 
 
 def test_live_samples_and_a_whole_log_are_the_same(tmp_path):
-    live, whole = (made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path) for _ in range(2))
+    live, whole = (made(soc_export("textbook-ekf"), tmp_path) for _ in range(2))
     log = a_log(40)
     for copy in (live, whole):
         copy.start(FIRST, soc=0.5, soc_std=0.3)
     one_by_one = np.array([live.step(SocSample(*row)) for row in log], np.float32)
     np.testing.assert_array_equal(one_by_one, rows(whole.run(SocSample(*log.T))))
     np.testing.assert_equal(live.state, whole.state)
-    halves = made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path)
+    halves = made(soc_export("textbook-ekf"), tmp_path)
     halves.start(FIRST, soc=0.5, soc_std=0.3)
     pair = [rows(halves.run(SocSample(*part.T))) for part in (log[:13], log[13:])]
     np.testing.assert_array_equal(one_by_one, np.concatenate(pair))
@@ -112,7 +110,7 @@ def test_nested_samples_are_those_of_the_controller(tmp_path):
 
 
 def test_flags_and_members_are_those_of_the_header(tmp_path):
-    copy = made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
+    copy = made(soc_export("coulomb"), tmp_path)
     assert copy.name == "soc" and copy.arguments == () and copy.Sample._fields == SocSample._fields
     assert copy.example == {}
     assert copy.flags["NO_CURRENT"] == 1 and copy.flags["DIVERGED"] == 256
@@ -122,12 +120,12 @@ def test_flags_and_members_are_those_of_the_header(tmp_path):
 
 
 def test_the_example_is_what_it_was_exported_with(tmp_path):
-    copy = made(battery_export(BATTERY, "textbook-ekf", "soc", soc=0.625, soc_std=1e-05), tmp_path)
+    copy = made(soc_export("textbook-ekf", soc=0.625, soc_std=1e-05), tmp_path)
     assert copy.example == {"soc": 0.625, "soc_std": 1e-05}
 
 
 def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):
-    export = battery_export(BATTERY, "ekf", "soc")
+    export = soc_export("ekf")
     log = a_log(300)
     samples, start = SocSample(*log.T), {"soc": 0.5, "soc_std": 0.3}
     copy = made(export, tmp_path)
@@ -148,22 +146,22 @@ def test_double_precision_needs_no_machine_code(monkeypatch):
     def none(*_):
         raise NoMachineCodeError("none")
 
-    export, samples = battery_export(BATTERY, "textbook-ekf", "soc"), SocSample(*a_log(50).T)
+    export, samples = soc_export("textbook-ekf"), SocSample(*a_log(50).T)
     fast = in_double_precision(export, samples, (0.5, 0.3))
     monkeypatch.setattr(comparison, "run_log", none)
     np.testing.assert_allclose(in_double_precision(export, samples, (0.5, 0.3)).soc, fast.soc, rtol=1e-9)
 
 
 def test_another_estimators_library_is_not_compared(tmp_path):
-    copy = made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path)
+    copy = made(soc_export("textbook-ekf"), tmp_path)
     samples = SocSample(*a_log(5).T)
     copy.start(FIRST, soc=0.5, soc_std=0.3)
     with pytest.raises(InputError, match=r"is not .*extended Kalman filter.*--filter"):
-        compare(copy, battery_export(BATTERY, "ekf", "soc"), copy.run(samples), samples, (0.5, 0.3))
+        compare(copy, soc_export("ekf"), copy.run(samples), samples, (0.5, 0.3))
 
 
 def test_what_a_caller_does_wrong_is_said(tmp_path):
-    copy = made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path)
+    copy = made(soc_export("textbook-ekf"), tmp_path)
     with pytest.raises(InputError, match="call start"):
         copy.step(FIRST)
     with pytest.raises(InputError, match=r"takes the sample and soc=\.\.\., soc_std=\.\.\.; got soc"):
@@ -183,7 +181,7 @@ def test_a_folder_without_a_library_or_with_two_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"no exported library.*ohmward export"):
         Twin(tmp_path)
     for name in ("a", "b"):
-        write_library(library(battery_export(BATTERY, "coulomb", name)), tmp_path)
+        write_library(soc_library("coulomb", name), tmp_path)
     with pytest.raises(InputError, match="several libraries, a, b; name one"):
         Twin(tmp_path)
     assert Twin(tmp_path, "b").name == "b"
@@ -192,7 +190,7 @@ def test_a_folder_without_a_library_or_with_two_is_refused(tmp_path):
 
 
 def test_a_library_that_does_not_compile_says_what_the_compiler_says(tmp_path):
-    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    files = dict(soc_library("coulomb"))
     files["soc.c"] = files["soc.c"].replace("->soc", "->sock", 1)
     write_library(files, tmp_path)
     with pytest.raises(OhmwardError, match=r"(?s)the C compiler refuses.*sock"):
@@ -215,18 +213,18 @@ def test_the_compiler_is_that_of_the_environment_with_its_words(monkeypatch):
 def test_without_cffi_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cffi", None)
     with pytest.raises(OhmwardError, match="needs cffi, which is not installed: pip install cffi"):
-        made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
+        made(soc_export("coulomb"), tmp_path)
 
 
 def test_the_makefile_of_the_library_compiles_the_same_arithmetic():
-    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    files = dict(soc_library("coulomb"))
     for flag in FLAGS:
         assert flag in files["Makefile"]
         assert flag in files["CMakeLists.txt"] or not flag.startswith("-f")
 
 
 def test_structs_have_as_many_numbers_as_the_program(tmp_path):
-    export = battery_export(BATTERY, "ekf", "soc")
+    export = soc_export("ekf")
     copy = made(export, tmp_path)
     state, sample = export.step.argument_structure.children
     assert copy.dtype("state").itemsize == 4 * size(state) and copy.dtype("sample").itemsize == 4 * size(sample)

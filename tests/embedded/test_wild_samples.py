@@ -1,15 +1,16 @@
 """Any bits for a sample: what is exported survives, and gives numbers again once its sensors do."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from embedded.batteries import BATTERY as PACK
+from embedded.batteries import soc_library
 from needs import needs_gcc
 from ohmward.battery.soc.registry import available
-from ohmward.embedded import Twin, battery_export, controller_export, library, observer_export, write_library
+from ohmward.embedded import Twin, controller_export, library, observer_export, write_library
 from ohmward.embedded.traction import CONTROLLERS
 from ohmward.embedded.twin import FLAGS
 from ohmward.traction import RLMA, hard_terrain
@@ -24,14 +25,21 @@ QUICKLY_COMPILED = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)
 #: Not these: textbook-joint believes any current, as published; rc-kf, and rc-aukf which feeds it, overflow singles by
 #: months, time and again.
 NOT_THESE = {"textbook-joint", "published.rc-kf", "published.rc-aukf"}
-EXPORTS: dict[str, tuple[Callable[..., Any], tuple, np.ndarray, str]] = {
+
+
+@cache
+def controller_library(name):
+    return library(controller_export(RLMA, name, "it"))
+
+
+EXPORTS: dict[str, tuple[Callable[[], Mapping[str, str]], np.ndarray, str]] = {
     **{
-        name: (battery_export, (PACK, name), BATTERY, "soc")
+        name: (partial(soc_library, name), BATTERY, "soc")
         for name in available(PACK, with_published=True)
         if name not in NOT_THESE
     },
-    "observer": (observer_export, (RLMA, hard_terrain("dry asphalt"), "ekf"), DRIVE, "speed_m_s"),
-    **{name: (controller_export, (RLMA, name), WHEEL, "torque_Nm") for name in CONTROLLERS},
+    "observer": (lambda: library(observer_export(RLMA, hard_terrain("dry asphalt"), "ekf")), DRIVE, "speed_m_s"),
+    **{name: (partial(controller_library, name), WHEEL, "torque_Nm") for name in CONTROLLERS},
 }
 
 
@@ -55,8 +63,8 @@ def wild(rng, good):
 @pytest.mark.parametrize("name", EXPORTS)
 def test_numbers_come_back_after_any_samples(name, tmp_path, monkeypatch):
     monkeypatch.setattr("ohmward.embedded.twin.FLAGS", QUICKLY_COMPILED)
-    make, arguments, good, output = EXPORTS[name]
-    write_library(library(make(*arguments, name="it")), tmp_path)
+    files, good, output = EXPORTS[name]
+    write_library(files(), tmp_path)
     twin, rng = Twin(tmp_path), np.random.default_rng(0)
     first = tree(twin, good[None])
     for _ in range(TRIALS):
@@ -69,7 +77,7 @@ def test_numbers_come_back_after_any_samples(name, tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38, -1.0, 1e-40])
 def test_a_torque_is_always_a_number(name, value, tmp_path):
-    write_library(library(controller_export(RLMA, name, "it")), tmp_path)
+    write_library(controller_library(name), tmp_path)
     twin = Twin(tmp_path)
     good = twin.Sample(*WHEEL.tolist())
     for word in twin.Sample._fields:
