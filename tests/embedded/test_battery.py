@@ -79,7 +79,7 @@ def test_cppcheck_finds_nothing(tmp_path):
 @pytest.mark.parametrize("name", available(BATTERY, with_published=True))
 def test_every_estimator_can_be_exported(name, tmp_path):
     write_library(soc_library(name), tmp_path)
-    assert made(tmp_path, "test").returncode == 0
+    assert made(tmp_path, "test", "CFLAGS=-O0 -Werror").returncode == 0
 
 
 def test_single_precision_is_good_enough():

@@ -11,6 +11,9 @@ that do not fit count less: rho is the pseudo-Huber loss (Hartley and Zisserman 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -45,7 +48,8 @@ _MOST_HALVINGS, _SMALL_STEP = 5, 0.03
 _SLACK = 0.5
 
 
-class Unknowns(NamedTuple):
+@dataclass(frozen=True)
+class Unknowns:
     """Unknowns of a fit by groups, in the order of their vector."""
 
     sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that is not sought
@@ -58,12 +62,14 @@ class Unknowns(NamedTuple):
 
     def group(self, name: str) -> slice:
         """Places of a group in the vector of all; empty for one that is not sought."""
-        before = 0
-        for other, size in self.sizes.items():
-            if other == name:
-                return slice(before, before + size)
-            before += size
-        raise InputError(f"no group of unknowns {name!r}; there are {', '.join(self.sizes)}")
+        if name not in self._groups:
+            raise InputError(f"no group of unknowns {name!r}; there are {', '.join(self.sizes)}")
+        return self._groups[name]
+
+    @cached_property
+    def _groups(self) -> dict[str, slice]:
+        stops = accumulate(self.sizes.values())
+        return {name: slice(stop - size, stop) for (name, size), stop in zip(self.sizes.items(), stops, strict=True)}
 
     def places(self, *names: str) -> np.ndarray:
         """Places of several groups in the vector of all."""

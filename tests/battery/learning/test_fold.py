@@ -22,7 +22,7 @@ def test_a_learnt_hysteresis_leaves_the_voltage_of_the_tested_branch(branch):
     p, before = parameters_of(battery), battery.thevenin.ocv
     theta = np.zeros(p.size)
     theta[p.group("hysteresis")] = np.log(2.0)
-    after, soc = folded_curve(OpenCircuit(battery, theta), prior_covariance(battery)), np.linspace(0.0, 1.0, 201)
+    after, soc = folded_curve(OpenCircuit(battery, theta, p), prior_covariance(battery)), np.linspace(0.0, 1.0, 201)
     assert after.hysteresis_at(soc) == pytest.approx(2.0 * before.hysteresis_at(soc), rel=1e-12)
     tested_V = before.mean_V(soc, 25.0) + branch * before.hysteresis_at(soc)
     assert after.mean_V(soc, 25.0) + branch * after.hysteresis_at(soc) == pytest.approx(tested_V, abs=1e-9)
@@ -36,5 +36,5 @@ def test_where_the_curve_would_fall_its_uncertain_end_gives_way():
     theta[place] = 8.0
     shown = np.arange(place + 4, p.group("ocv").stop)
     covariance[shown, shown] = 1e-4
-    after, soc = folded_curve(OpenCircuit(battery, theta), covariance), np.linspace(0.1, 1.0, 91)
+    after, soc = folded_curve(OpenCircuit(battery, theta, p), covariance), np.linspace(0.1, 1.0, 91)
     assert after.mean_V(soc, 25.0) == pytest.approx(before.mean_V(soc, 25.0), abs=0.05)

@@ -166,12 +166,12 @@ def test_a_circuit_without_rc_pairs_learns_too():
 def test_what_was_learnt_has_the_date_of_the_last_log_that_has_one():
     label = generic_battery("nmc", 12.0, 3)
     dated, undated = replace(day(MODEL, 1), start_unix_s=1.79e9), day(MODEL, 2)
-    once = learn(label, [dated]).battery.noise
+    learnt = learn(label, [dated]).battery
+    once = learnt.noise
     assert once.capacity_known_unix_s == dated.end_unix_s
     assert once.capacity_known_std == once.capacity_std < label.noise.capacity_std
-    twice = learn(label, [dated, undated]).battery.noise
-    assert twice.capacity_known_unix_s == dated.end_unix_s
-    assert learn(label, [undated]).battery.noise.capacity_known_unix_s == 0.0
+    assert learn(learnt, [undated]).battery.noise.capacity_known_unix_s == dated.end_unix_s
+    assert taught_by(1).noise.capacity_known_unix_s == 0.0
 
 
 def test_the_order_of_the_logs_does_not_matter():
@@ -179,9 +179,9 @@ def test_the_order_of_the_logs_does_not_matter():
 
 
 def test_logs_with_a_clock_are_taken_in_its_order():
-    label = generic_battery("nmc", 12.0, 3)
     days = [replace(day(MODEL, seed), start_unix_s=1.79e9 + 1e5 * seed) for seed in (1, 2)]
-    assert learn(label, days[::-1]) == learn(label, days)
+    updates = learn(generic_battery("nmc", 12.0, 3), days[::-1]).updates
+    assert [update.log for update in updates] == ["day 1", "day 2"]
 
 
 def test_an_older_log_does_not_set_the_date_back():

@@ -79,7 +79,7 @@ def fold(
     lowest_soc: lowest SoC of the log, by the new capacity; logs: all that it has learnt from.
     """
     p = parameters_of(battery)
-    curve, offset, sensor = OpenCircuit(battery, theta), p.group("offset"), battery.sensor
+    curve, offset, sensor = OpenCircuit(battery, theta, p), p.group("offset"), battery.sensor
     model, log_ratio = folded_model(curve, covariance), curve.place.log_ratio
     seen_from_soc = min(lowest_soc, float(true_soc(np.array(curve.place.seen_from_soc), log_ratio)))
     if theta[offset].size:
@@ -108,7 +108,7 @@ def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.nda
     ocv, slip, capacity = p.group("ocv"), p.group("slip"), p.group("capacity")
     old, degC = file_charge(OCV_KNOTS, curve.place.log_ratio), curve.model.ocv.reference_degC
     before = curve.columns(old, degC)
-    after = OpenCircuit(folded, np.zeros(p.size)).columns(OCV_KNOTS, degC)
+    after = OpenCircuit(folded, np.zeros(p.size), p).columns(OCV_KNOTS, degC)
     T = np.eye(p.size)
     T[ocv, ocv] = before[:, ocv]
     T[ocv, slip] = before[:, slip]

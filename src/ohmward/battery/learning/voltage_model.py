@@ -105,11 +105,7 @@ class OpenCircuit:
 
     battery: Battery
     theta: np.ndarray
-
-    @cached_property
-    def parameters(self) -> Unknowns:
-        """Unknowns of the battery."""
-        return parameters_of(self.battery)
+    parameters: Unknowns  #: of the battery
 
     @cached_property
     def model(self) -> Thevenin:
@@ -228,7 +224,7 @@ class VoltageModel:
         K, rows = self.parameters.size, self.rows
         there = self.circuit(x) if self.about is None else self.about.at(x)
         soc, degC = there.charge.charge[rows], self.samples.temperature_degC[rows]
-        curve = OpenCircuit(self.battery, x[:K])
+        curve = OpenCircuit(self.battery, x[:K], self.parameters)
         columns = there.columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(rows)
         columns[:, :K] += curve.columns(soc, degC)
         misfit, group = hat(soc, MISFIT_KNOTS), self.unknowns.group("misfit")
