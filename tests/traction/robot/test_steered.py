@@ -86,7 +86,9 @@ def test_its_file_says_where_the_speed_is_measured(tmp_path):
 @pytest.mark.parametrize("gyro", [True, False], ids=["gyro", "no gyro"])
 def test_its_pose_is_in_the_ellipse(robot, gyro, tmp_path):
     """Drives with errors of the angle, of the wheels and of the gyro, each twice the standard deviation or less."""
-    nees = []
+    nees, settings = [], pose_filter(robot)
+    nothing = settings.no_sample()
+    kernel = kernel_of(settings, settings.init(nothing), nothing, lowering="machine")
     for seed in range(8):
         t, motion, pose = drive(seed)
         rng = np.random.default_rng(100 + seed)
@@ -100,10 +102,8 @@ def test_its_pose_is_in_the_ellipse(robot, gyro, tmp_path):
         if gyro:
             columns["gyro_z"] = motion[:, 1] + offset + 0.002 * rng.standard_normal(t.size)
         write_table(columns, tmp_path / f"{seed}.csv")
-        settings = pose_filter(robot)
         samples = odometry_samples(read_drive(tmp_path / f"{seed}.csv", robot), settings)
-        nothing = settings.no_sample()
-        _, found = kernel_of(settings, settings.init(nothing), nothing).scan(settings.init(nothing), samples)
+        _, found = kernel.scan(settings.init(nothing), samples)
         error = np.array([found.x_m[-1], found.y_m[-1], found.yaw_rad[-1]]) - pose[-1]
         nees.append(error @ np.linalg.solve(found.pose_cov[-1], error))
     assert 0.5 < np.mean(nees) < 6.0  # 3, of eight drives
