@@ -110,8 +110,6 @@ def current_limits(ways: str) -> list[str]:
 _BMS, _CHARGE, _DISCHARGE = "bms battery batt pack", "charge charging chg", "discharge discharging dischg dsg"
 _COMPASSES = "- compass magnetic mag gnss gps"
 _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
-#: German writes a quantity and its owner as one word.
-_GERMAN = ("", "batterie", "akku", "pack", "klemmen", "gesamt")
 _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 
 #: Of what says how far another value can be trusted: an estimator refuses that one where this is too large.
@@ -121,28 +119,26 @@ _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
         words_of("current", "i", "cur", "curr", "ipack", "amp", "amps", "ampere", "amperes", "amperage",
-                 "ibat", "ibus", "ibatt", "iinst", "itot", *(f"{part}strom" for part in _GERMAN),
-                 "courant", "intensité", "corriente", "intensidad", "corrente", "intensità", "intensidade", "prąd",
-                 "proud", "stroom", "akım", "ток", "电流", "总电流", "充放电电流", "電流", "전류"),
+                 "ibat", "ibus", "ibatt", "iinst", "itot", "imess", "strom", "courant", "intensité", "corriente",
+                 "intensidad", "corrente", "intensità", "intensidade", "prąd", "proud", "stroom", "strøm", "virta",
+                 "áram", "akım", "ρεύμα", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="current",
         axis_label="Current [A], > 0 charges",
     ),
     Quantity(
         "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
         words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
-                 "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe",
-                 *(f"{part}spannung" for part in _GERMAN), "tension", "tensión", "voltaje", "tensione", "tensão",
-                 "spänning", "gerilim", "napětí", "napięcie", "напряжение",
-                 "电压", "总电压", "总压", "电池电压", "电池组电压", "電圧", "電壓", "전압"),
+                 "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe", "vterm", "umess", "spannung", "tension", "tensión",
+                 "voltaje", "tensione", "tensão", "spänning", "spænding", "jännite", "feszültség", "gerilim", "napětí",
+                 "napięcie", "τάση", "напряжение", "电压", "总压", "電圧", "電壓", "전압"),
         "V or mV", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="voltage",
     ),
     Quantity(
         "battery_temperature_degC", "temperature of the battery", "battery", "degC",
         ValueLimits(-60.0, 120.0),  # sensors say -127 or -273 when their wire is off
         words_of("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
-                 *(f"{part}temperatur" for part in _GERMAN), "température", "temperatura", "temperatuur", "teplota",
-                 "sıcaklık", "температура",
-                 "温度", "电池温度", "溫度", "온도"),
+                 "temperatur", "température", "temperatura", "temperatuur", "teplota", "lämpötila", "hőmérséklet",
+                 "sıcaklık", "θερμοκρασία", "температура", "温度", "溫度", "온도"),
         "degC, K or degF", ros_type=_BATTERY_STATE, ros_field="temperature", axis_label="Temperature [°C]",
     ),
     Quantity("battery_full", "1 while the charger says that the battery is full, else 0", "battery", "1",

@@ -68,6 +68,12 @@ def test_t_is_a_time_and_needs_a_unit_to_be_a_temperature():
     assert found(["t", "I", "U", "T / K"])["temperature"] == ("T / K", "K")
 
 
+@pytest.mark.parametrize("names", ["currentA currentB currentC", "I_A I_B", "Motorstrom", "Ladeendspannung"])
+def test_the_current_of_a_phase_or_of_a_motor_is_not_that_of_the_battery(names):
+    with pytest.raises(InputError, match="no column for the current found"):
+        find_columns("f.csv", ["time", *names.split(), "voltage"])
+
+
 def test_current_is_also_an_adjective():
     with pytest.raises(InputError, match="no column for the current found"):
         find_columns("f.csv", ["time", "current_speed", "current_time", "current_ms", "voltage"])
@@ -211,6 +217,46 @@ def test_every_notation_of_a_unit_reads_alike():
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),
         (["ts", "I_pack", "U_pack", "U1", "U2", "U3"], ("ts", None), ("I_pack", None), ("U_pack", None)),
+        (
+            ["timeMs", "tempC", "busVoltageV", "currentMA"],
+            ("timeMs", 1e-3),
+            ("currentMA", 1e-3),
+            ("busVoltageV", 1.0),
+        ),
+        (["millis()", "V", "I"], ("millis()", 1e-3), ("I", None), ("V", None)),
+        (
+            ["timestamp", 'voltage_volts{robot="r1"}', 'current {robot="r1"} [mA]'],
+            ("timestamp", None),
+            ('current {robot="r1"} [mA]', 1e-3),
+            ('voltage_volts{robot="r1"}', 1.0),
+        ),
+        (
+            ["field.header.stamp", "field.voltage", "field.current"],
+            ("field.header.stamp", None),
+            ("field.current", None),
+            ("field.voltage", None),
+        ),
+        (
+            ["日時", "バッテリー電圧(V)", "バッテリー電流(A)"],
+            ("日時", None),
+            ("バッテリー電流(A)", 1.0),
+            ("バッテリー電圧(V)", 1.0),
+        ),
+        (
+            ["记录时间", "电池组总电压", "电池组总电流"],
+            ("记录时间", None),
+            ("电池组总电流", None),
+            ("电池组总电压", None),
+        ),
+        (["측정시간", "배터리전압", "배터리전류"], ("측정시간", None), ("배터리전류", None), ("배터리전압", None)),
+        (["Tijd", "Accuspanning", "Accustroom"], ("Tijd", None), ("Accustroom", None), ("Accuspanning", None)),
+        (["Idő", "Feszültség", "Áram"], ("Idő", None), ("Áram", None), ("Feszültség", None)),
+        (
+            ["Horodatage", "Tension de la batterie", "Courant de la batterie", "Courant moteur"],
+            ("Horodatage", None),
+            ("Courant de la batterie", None),
+            ("Tension de la batterie", None),
+        ),
         (
             ["Time", "Cumulative Time", "Current(A)", "Voltage(V)"],
             ("Cumulative Time", None),

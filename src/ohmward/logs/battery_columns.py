@@ -24,6 +24,7 @@ from ohmward.quantities import words_of
 SUM_TOLERANCE = 0.01
 #: Cells without a unit in their names are in mV where they show more than this: no cell has 100 V.
 _LARGEST_CELL_V = 100.0
+_CELL = word_set("zelle zell cellule celda cella célula ячейка ячейки 单体 电芯 セル 셀")
 _OTHER_THAN_VOLTAGE = word_set(
     "temperature temp t current i soc charge resistance ohm balance balancing capacity soh fault flag status std sigma"
 )
@@ -95,7 +96,7 @@ def numbered_rows(names: Collection[str]) -> list[tuple[str, ...]]:
 
 def is_named(row: Sequence[str]) -> bool:
     """True where the names say that these are cells."""
-    return any(word.endswith(("cell", "cells")) for word in letters(row[0]))
+    return any(word.endswith(("cell", "cells")) or word in _CELL for word in letters(row[0]))
 
 
 def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
@@ -132,26 +133,22 @@ def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if is_milli else "v"]
 
 
-#: Words that are a current of one direction, or a power, by themselves.
-_CHARGING_CURRENT = word_set("ladestrom ichg icharge 充电电流 充電電流 충전전류")
-_DISCHARGING_CURRENT = word_set("entladestrom idis idsg idischg idischarge 放电电流 放電電流 방전전류")
-_CURRENTS, _POWERS = _CHARGING_CURRENT | _DISCHARGING_CURRENT, word_set("ladeleistung entladeleistung")
+#: Words that are a current of one direction by themselves.
+_CHARGING_CURRENT, _DISCHARGING_CURRENT = word_set("ichg icharge"), word_set("idis idsg idischg idischarge")
 _CHARGE_NOUNS = word_set(
-    "charge charging charger chg chrg lade laden ladung carga carica ładowania заряда зарядки 충전"
+    "charge charging charger chg chrg lade laden ladung carga carica ładowania заряда зарядки 充电 充電 충전"
 )
 _DISCHARGE_NOUNS = word_set(
     "discharge discharging dis dsg dchg dischg dischrg entlade entladen entladung décharge decharge descarga scarica "
-    "rozładowania разряда разрядки 방전"
+    "rozładowania разряда разрядки 放电 放電 방전"
 )
-_CHARGE = IN | _CHARGING_CURRENT | _CHARGE_NOUNS | word_set("ladeleistung")
-_DISCHARGE = OUT | _DISCHARGING_CURRENT | _DISCHARGE_NOUNS | word_set("entladeleistung")
-#: Words that join the current and its direction: `corriente de carga`.
-_JOINING = word_set("de di do da")
+_CHARGE = IN | _CHARGING_CURRENT | _CHARGE_NOUNS
+_DISCHARGE = OUT | _DISCHARGING_CURRENT | _DISCHARGE_NOUNS
 #: What goes in and out may be the two sides of a converter, which flow at once: of a battery, both flow in fewer than
 #: this share of the samples, the smaller one at more than this share of the usual size.
 _MOST_AT_ONCE = 0.05
 _FLOWS = 0.05
-_POWER = word_set("power p leistung watts active")
+_POWER = word_set("power p leistung watts active vermogen 功率 電力 전력")
 _CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
 _CURRENT_OF_POWER = "pack current"
 #: A current without a sign gets that of the power if the ratio of their sizes varies by less than this share, and if
@@ -265,13 +262,14 @@ def _is_power(name: str) -> bool:
 def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
     """True where the name has a word of the direction and otherwise those of a battery's current or power."""
     naming = CURRENT.words if of is CURRENT.default else words_of(*_POWER)
-    alone = _CURRENTS if of is CURRENT.default else _POWERS
+    alone = _CHARGING_CURRENT | _DISCHARGING_CURRENT if of is CURRENT.default else ()
     for stem, unit in split_unit(name):
         if unit is not None and unit.dimension != of.dimension:
             return False
         words = set(letters(stem))
-        rest = frozenset(words - set(direction) - CURRENT.beside[1] - _JOINING)
-        if words & set(direction) and (rest in naming or (not rest and (unit is not None or bool(words & alone)))):
+        rest = frozenset(words - set(direction) - CURRENT.beside[1])
+        is_named = rest in naming or (not rest and (unit is not None or not words.isdisjoint(alone)))
+        if words & set(direction) and is_named:
             return True
     return False
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ohmward.logs.units import UNITS, Unit, unit_of
+from ohmward.logs.units import LABELS, UNITS, Unit, unit_of
 from ohmward.quantities import QUANTITIES, Quantity, each_with_each, unaccented, words_of
 
 SIDES = frozenset(("left", "right"))
@@ -31,9 +31,21 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
 _WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])|(?<=\b[IUViuv])(?=avg\b)")
 
 
+#: Quantities that some languages write as one word with what they belong to: `Batteriestrom`, `电池电压`.
+_LAST_PARTS = (
+    "strom spannung temperatur zeit leistung stroom spanning vermogen tijd strøm spænding feszültség 电压 电流 温度 "
+    "时间 功率 電圧 電流 電力 時間 電壓 溫度 전압 전류 온도 시간 전력"
+)
+_COMPOUND = re.compile(rf"(?<=[^\W\d_])(?=(?:{unaccented(_LAST_PARTS).replace(' ', '|')})(?![^\W\d_]))")
+
+
 def letters(stem: str) -> list[str]:
-    """Words of letters in lower case, without accents: `T1_Batt` as t, batt; `PackVoltage` as pack, voltage."""
-    return re.findall(r"[^\W\d_]+", unaccented(_WITHIN.sub(" ", stem).lower()))
+    """Words of letters in lower case, without accents: `T1_Batt` as t, batt; `PackVoltage` as pack, voltage.
+
+    Compounds are divided, `Akkustrom` as akku, strom; labels in braces are left out.
+    """
+    text = unaccented(_WITHIN.sub(" ", LABELS.sub("", stem)).lower())
+    return re.findall(r"[^\W\d_]+", _COMPOUND.sub(" ", text))
 
 
 def robot_words(stem: str) -> list[str]:
@@ -69,10 +81,12 @@ IN, OUT = word_set("in input eingang"), word_set("out output ausgang")
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
-    "utc gmt inst instantaneous batterie bateria batteria akku baterii акб аккумулятора"
+    "utc gmt inst instantaneous dc sys sum de di do da la du del della batterie bateria batteria akku baterii accu "
+    "batteri akun batarya klemmen gesamt mess prüf lauf uhr акб аккумулятора 电池 电池组 "
+    "电池组总 总 充放电 测试 采集 记录 累计 绝对 経過 测量 電池 バッテリー 総 측정 배터리"
 )
 # Words of columns that are used only if there is nothing better.
-_SECOND_CHOICE = word_set("cell raw mean avg average last")
+_SECOND_CHOICE = word_set("cell raw mean avg average filtered last")
 # And of columns that are used only if there is none of those either.
 _THIRD_CHOICE = word_set("now latest bus in input line")
 _BESIDE_BATTERY = (
@@ -118,15 +132,15 @@ def _channels_of(owner: str) -> tuple[Channel, ...]:
 TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
     words_of("time", "t", "timestamp", "when", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
-             "elapsed time", "unix", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds",
-             "sec", "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed",
-             "last updated", "test", "x value", "cumulative time", "absolute time", "record time", "system time",
-             "uptime", "time of day", *(f"{part}zeit" for part in ("", "gesamt", "test", "prüf", "mess", "lauf")),
-             "zeitstempel", "datum", "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
-             "uhrzeit", "zeitpunkt", "heure", "date heure", "fecha", "hora", "fecha hora", "fecha y hora", "data hora",
-             "data e hora", "ora", "godzina", "tijd", "tid", "čas", "zaman", "tarih", "clock", "update time",
-             "custom update time", "時刻",
-             "dpt time", "tst", "device time", "总时间", "测试时间", "累计时间", "绝对时间", "日期"),
+             "elapsed time", "unix", "unix time", "unix ts", "unixtime", "relative time", "total time", "header stamp",
+             "seconds", "sec", "epoch", "ts", "realtime", "run time", "prog time", "program time", "date and time",
+             "last changed", "last updated", "test", "x value", "cumulative time", "absolute time", "record time",
+             "system time", "uptime", "time of day", "time boot", "rosbag timestamp", "zeit", "zeitstempel", "datum",
+             "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "zeitpunkt", "heure",
+             "date heure", "fecha", "hora", "fecha hora", "fecha y hora", "data hora", "data e hora", "ora", "godzina",
+             "tijd", "tid", "aika", "idő", "čas", "zaman", "tarih", "χρόνος", "clock", "update time",
+             "custom update time", "時刻", "日時", "dpt time", "tst", "device time", "日期",
+             *each_with_each("gesamt test prüf mess lauf", "zeit"), *each_with_each("总 测试 累计 绝对 经过", "时间")),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 CURRENT = _OF_TABLE["battery_current_A"]

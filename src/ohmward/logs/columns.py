@@ -30,9 +30,9 @@ _OTHER_WORDS = word_set(
     "model step open circuit ocv delta offset bias nanosec nsecs nsec low high lowest highest"
 )
 # Words of clocks that may be set while a log runs.
-_WALL_CLOCK = word_set("stamp date unix epoch dpt realtime datum fecha changed stempel horodatage 绝对时间 日期")
+_WALL_CLOCK = word_set("stamp date unix epoch dpt realtime datum fecha changed stempel horodatage 绝对 日期 日時")
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute 总时间 测试时间 累计时间 绝对时间")
+_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute gesamt 总 测试 累计 绝对")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -236,7 +236,9 @@ def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Co
 
 
 def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
-    ranked = [(rank, column) for name in names for rank, column in _ranks(channel, name)]
+    # beside `currentB`, `currentA` is that of a phase
+    whole = [name for name in names if not (name.endswith("A") and f"{name[:-1]}B" in names)]
+    ranked = [(rank, column) for name in whole for rank, column in _ranks(channel, name)]
     best = min((rank for rank, _ in ranked), default=_NEVER)
     if best >= _NEVER:
         return None
@@ -300,7 +302,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     if channel is TIME and unit is None and (re.fullmatch(r"[tT][sS]?\d+", stem) or words == ["test"]):
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
-        naming = [word for word in words if word not in beside]
+        naming = [word for word in words if word not in beside] or ([] if unit else words[-1:])
         # `Battery [V]` is a voltage by its unit
         if frozenset(naming) in channel.words or (not naming and unit is not None and channel in _BY_UNIT):
             # a letter without a unit may be another quantity: v is a speed beside `voltage`

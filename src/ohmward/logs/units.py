@@ -84,6 +84,8 @@ def _key(spelling: str) -> str:
 
 UNITS: dict[str, Unit] = {_key(spelling): unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 
+#: Labels that Prometheus and Grafana write behind a name.
+LABELS = re.compile(r"\s*\{[^{}]*\}")
 # `Current [mA]`, `I (A)`, `Temperature (C)_1`
 _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*_?(?P<rest>\d*)$")
 # `Voltage / V`, `U/V`
@@ -100,9 +102,10 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 
 # `rpm_left`, `ticks.right`
 _BEFORE = re.compile(r"^(?P<unit>rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
-# `TimeUS` of ArduPilot, `BattV`
+# `TimeUS` of ArduPilot, `BattV`, `tempC`, `busVoltageMv`
 _CAPITALS = re.compile(
-    r"^(?P<stem>[Tt]ime|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us)(?P<unit>US|MS|NS|m?[VA])(?P<rest>)$"
+    r"^(?P<stem>\w*?(?:[Tt]ime|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"
+    r"|[Tt]emp(?:erature)?))(?P<unit>[uUmMnN]?S|[UMN]s|m?[VA]|M[VvAa]|[CFK])(?P<rest>)$"
 )
 # `ms`, `ms_today`: the time of a microcontroller
 _TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
@@ -128,9 +131,18 @@ def unit_of(spelling: str) -> Unit | None:
 
 
 def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
-    """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name."""
+    """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name.
+
+    Labels keep their place behind the stem: `current{robot="r1"} [A]`.
+    """
+    labels = "".join(LABELS.findall(name))
+    for stem, unit in _divisions(LABELS.sub("", name).strip().removesuffix("()")):
+        yield stem + labels, unit
+
+
+def _divisions(name: str) -> Iterator[tuple[str, Unit | None]]:
     for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _BEFORE, _CAPITALS):
-        if (found := notation.match(name.strip())) and (unit := unit_of(found["unit"])):
+        if (found := notation.match(name)) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
     if (found := _TIME_AS_UNIT.match(name)) and (unit := unit_of(found["unit"])):
         yield "time", unit
