@@ -26,7 +26,7 @@ _MEASURED = re.compile(
     rf"^\s*(?P<number>[-+]?(?:{_DIGITS}(?:[.,]\d*)*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.,;:/()-][^\d\s:]*(?:/\w+)?)?\s*$"
 )
 _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
-_DATE_MARKS = r"\d{1,4}\s*[-/.年]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月]\s*\d{1,4}日?|\d{4}-\d{3}"
+_DATE_MARKS = r"\d{1,4}\s*[-/.年년]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月월]\s*\d{1,4}|\d{4}-\d{3}"
 _MONTH = r"\b(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*\b"
 _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE)
 #: Delimiters of cells that occur in no date and no number.
@@ -303,7 +303,7 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     first_same = next(at for at in above if [name.strip() for name in rows[at]] == names)
     units = rows[last + 1] if last + 1 in of_units else None
     layered = rows[first_same - 1] if first_same - 1 in above else None
-    names, timezone = _with_devices(names, layered)
+    names, timezone = _with_groups(names, layered)
     if units is not None:
         names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
     first = next((at for at in range(first_same + 1, len(rows)) if is_data(rows[at])), first_same + 1)
@@ -338,12 +338,23 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{bare}]"
 
 
-def _with_devices(names: list[str], devices: Row | None) -> tuple[list[str], str | None]:
-    """The names, in files of Victron's portal with the device above where it is needed, and their time zone."""
-    if devices is None or not (zone := _ZONE.match(names[0])) or devices[0].strip() != "timestamp":
+def _with_groups(names: list[str], above: Row | None) -> tuple[list[str], str | None]:
+    """The names, with the group or device in the row above where a name is empty or repeated; and a time zone.
+
+    A group covers the empty cells behind it.  Victron's portal writes the zone below `timestamp`.
+    """
+    if above is None:
         return names, None
+    zone = _ZONE.match(names[0]) if above[0].strip() == "timestamp" else None
+    names = ["", *names[1:]] if zone else names
+    if not any(group.strip() for name, group in zip(names, above, strict=False) if not name):
+        return names, None
+    groups = [""]
+    for group in above:
+        groups.append(group.strip() or groups[-1])
+    groups += groups[-1:] * len(names)
     whole = [
-        f"{device.strip()} {name}" if names.count(name) > 1 else name
-        for device, name in zip(devices, names, strict=False)
+        f"{group} {name}".strip() if not name or names.count(name) > 1 else name
+        for name, group in zip(names, groups[1:], strict=False)
     ]
-    return ["timestamp", *whole[1:]], zone["zone"]
+    return whole, zone["zone"] if zone else None

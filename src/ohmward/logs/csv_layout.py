@@ -39,10 +39,12 @@ _MARKS = (
 )
 #: Encodings other than UTF-8. Western Europe first: it wins if no word decides.
 CODE_PAGES = (
-    *("cp1252", "cp1251", "cp932", "gb18030", "big5", "cp949", "cp1250", "mac_roman", "koi8_r", "cp866", "cp850"),
+    *("cp1252", "cp1251", "cp932", "gb18030", "big5", "cp949", "cp1250", "cp1253", "cp1254", "mac_roman", "koi8_r"),
+    *("cp866", "cp850"),
 )
 
-_WORDS = frozenset(word for channel in BATTERY for words in channel.words for word in words if not word.isascii())
+_WORDS = frozenset(word for channel in BATTERY for words in channel.words for word in words if len(word) > 1)
+_ACCENTED = re.compile(r"(?=\w*[^\x00-\x7f])[^\W\d_]+")
 
 
 def find_encoding(head: bytes) -> str:
@@ -79,7 +81,8 @@ def _code_page(head: bytes) -> str:
     def known(encoding: str) -> int:
         text = head.decode(encoding, errors="ignore")
         units = len(re.findall(r"[°℃µ]", text[:2000]))
-        return 2 * len(_WORDS & set(letters(text[:20_000]))) + (units > 0)
+        words = {word for accented in set(_ACCENTED.findall(text[:20_000])) for word in letters(accented)}
+        return 2 * len(_WORDS & words) + (units > 0)
 
     return max(CODE_PAGES, key=known)
 

@@ -41,10 +41,14 @@ _TIME = re.compile(
 #: 09.15.00 and 09-15-00 behind a date, in Finnish behind `klo`.
 _DOTTED_TIME = re.compile(r"(?<=\d)[\sT_]+(?:klo\s+)?(\d{1,2})([.-])(\d\d)\2(\d\d(?:[.,]\d+)?)$")
 _COMPACT = re.compile(r"^(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d(?:[.,]\d+)?)(Z?)$")
-_YEAR_FIRST = re.compile(r"^(\d{4})\s*[-/.年]\s*(\d{1,2})\s*[-/.月]\s*(\d{1,2})日?$")
+_YEAR_FIRST = re.compile(r"^(\d{4})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{1,2})$")
 _YEAR_LAST = re.compile(r"^(\d{1,2})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{4}|\d\d)$")
 _NAMED = re.compile(r"^(\d{1,2})[-/\s.]+([A-Za-z]{3,9})\.?[-/\s,]+(\d{4}|\d\d)$")
 _NAMED_FIRST = re.compile(r"^([A-Za-z]{3,9})\.?\s+(\d{1,2})(?:,?\s+(\d{4}))?$")
+#: Signs of East Asian dates, weekdays and halves of a day: `2026/3/28(土) 午後 3:05:00`, `2026년 3월 28일 9시 5분`.
+_SIGNS = str.maketrans("年月日년월일時时시分분秒초", "-- -- :::::  ")
+_WEEKDAY_SIGN = re.compile(r"[(（][日月火水木金土一二三四五六일월화수목금토][)）]|星期.|.요일")
+_HALF = re.compile(r"上午|午前|오전|(?P<pm>下午|午後|오후)")
 #: Year of dates that name none, as those of syslog: it has a 29 February.
 _ANY_YEAR = 2000
 _WEEKDAY = re.compile(r"\(?\b(?:mon|tue|wed|thu|fri|sat|sun)(?:[a-z]*day)?\b\.?\)?,?", re.IGNORECASE)
@@ -117,8 +121,12 @@ def has_time_of_day(cell: str) -> bool:
 
 
 def _tidied(cell: str) -> str:
-    """The cell without brackets around it, its time with colons."""
+    """The cell without brackets around it, its time with colons; East Asian marks as those of others."""
     text = cell.strip()
+    if not text.isascii():
+        half = _HALF.search(text)
+        text = _HALF.sub(" ", _WEEKDAY_SIGN.sub(" ", text)).translate(_SIGNS).replace(": ", ":").strip(" :")
+        text = f"{text} {'pm' if half['pm'] else 'am'}" if half else text
     text = text[1:].removesuffix("]") if text.startswith("[") else text
     return text if ":" in text else _DOTTED_TIME.sub(r" \1:\3:\4", text)
 

@@ -32,12 +32,18 @@ _TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_V
 #: Digits of a whole number that is too long for a stamp in nanoseconds.
 _TOO_LONG = 20
 #: Time or date that serial monitors and logs of programs write before a line: `09:15:00.000 -> `, `[09:15:00] `,
-#: `[   12.345] bms: `, `2026-03-28 09:15:00,123 - battery - INFO - `, `ts=2026-03-28T09:15:00Z level=info `.
+#: `[   12.345] bms: `, `2026-03-28 09:15:00,123 - battery - INFO - `, `ts=2026-03-28T09:15:00Z level=info `,
+#: `Mar 28 09:15:00 host bms[712]: `.
 _MONITOR = re.compile(
     r"(?:ts=|time=)?\[? *"
-    r"(?P<time>(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:\d\d)?|(?<=[\[ ])\d+\.\d+(?=\]))\]?"
+    r"(?P<time>(?:\d{4}-\d\d-\d\d[ T]|[A-Z][a-z]{2} [ \d]\d )?\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?"
+    r"|(?<=[\[ ])\d+\.\d+(?=\]))\]?"
     r"(?: *->| *[>:|,])? +(?:- (?:[\w.]+ - )?)?(?:(?:level=)?(?i:debug|info|warn(?:ing)?|error)\b(?: -|:)? +)?"
-    r"(?:[A-Za-z_][\w./]*: +(?=[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*\s*[:=]))?"
+    r"(?:(?:[\w.-]+ )?[A-Za-z_][\w./-]*(?:\[\d+\])?: +(?=[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*\s*[:=]))?"
+)
+#: Time and topic before an object: `09:15:00 robot/bms {"v": 13.2}`, `1774689300.5 {"v": 13.2}`.
+_BEFORE_OBJECT = re.compile(
+    rf"(?:{_MONITOR.pattern}|(?P<unix>\d{{9,}}(?:\.\d+)?)\s+)?(?:[A-Za-z_][\w./-]*\s+)?(?=\{{\s*\")"
 )
 _PAIR = re.compile(
     r"(?P<name>[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
@@ -66,7 +72,9 @@ _UEVENT = "POWER_SUPPLY_"
 
 def names_values(head: bytes) -> bool:
     """True if a file begins like one of these texts."""
-    return _JSON.match(head) is not None or _ECHO.match(head) is not None or is_labelled(head) or are_blocks(head)
+    text = head.decode("utf-8", "replace")
+    of_objects = _JSON.match(head) or _ECHO.match(head) or _BEFORE_OBJECT.match(text)
+    return of_objects is not None or is_labelled(head) or are_blocks(head)
 
 
 def open_objects(path: Path, hints: FileHints) -> TableFile:
@@ -97,7 +105,10 @@ def _content(source: str, text: str) -> Any:
     lines = [line for line in text.splitlines() if line.strip()]
     for number, line in enumerate(lines, 1):
         try:
-            objects.append(json.loads(line, parse_int=_whole))
+            before = _BEFORE_OBJECT.match(line)
+            found = json.loads(line[before.end() :] if before else line, parse_int=_whole)
+            time = (before["time"] or before["unix"]) if before else None
+            objects.append({"time": time, **found} if time else found)
         except (ValueError, RecursionError) as error:
             if number == len(lines) and objects:
                 break  # cut off

@@ -17,6 +17,10 @@ RUSSIAN = ("Время, с", "Ток, А", "Напряжение, В", "Темп
 JAPANESE = ("時間(s)", "電流(A)", "電圧(V)", "温度(℃)")
 CHINESE = ("时间(s)", "电流(A)", "电压(V)", "温度(℃)")
 FRENCH = ("Temps (s)", "Courant (A)", "Tension (V)", "Température (°C)")
+POLISH = ("Czas [s]", "Prąd [A]", "Napięcie [V]", "Temperatura [°C]")
+TURKISH = ("Zaman (s)", "Akım (A)", "Gerilim (V)", "Sıcaklık (°C)")
+GROUPS = (("", "Current", "Voltage", "Temperature", "Current", "Temperature"),
+          *(("s", "A", "V", "degC", "A", "degC"), *([*row, "17.5", "60"] for row in PLAIN)))  # fmt: skip
 SPANISH = ("Tiempo (s)", "Corriente (A)", "Voltaje (V)", "Temperatura (°C)")
 
 
@@ -87,11 +91,14 @@ LAYOUTS = (
     f("Latin-1, Spanish names", table(";", SPANISH, comma(PLAIN)), encoding="latin-1"),
     f("Mac Roman, French names", table(";", FRENCH, comma(PLAIN)), encoding="mac_roman"),
     f("KOI8-R, Russian names", table(";", RUSSIAN, comma(PLAIN)), encoding="koi8_r"),
+    f("Windows-1250, Polish names", table(";", POLISH, comma(PLAIN)), encoding="cp1250"),
+    f("Windows-1254, Turkish names", table(";", TURKISH, comma(PLAIN)), encoding="cp1254"),
     f("EBCDIC", table(), ("--encoding", "cp037"), "cp037"),
     f("`sep=;` of Excel", "sep=;\n" + table(";", rows=comma(PLAIN))),
     f("lines of text above the header", PREAMBLE + table()),
     f("lines of text with the delimiter above the header", PREAMBLE.replace(": ", ";") + table(";")),
     f("row of units", table(",", BARE, UNIT_ROW)),
+    f("row of groups above, row of units", table(",", ("Time", "Battery", "", "", "Motor", ""), GROUPS)),
     f("text above, row of units, text below", PREAMBLE + table(",", BARE, UNIT_ROW) + FOOTER),
     f("no header", table(",", ()), ("--names", "time_s,current_A,voltage_V,temperature_degC")),
     f("every cell in quotes", lines([f'"{n}"' for n in NAMES], [[f'"{c}"' for c in row] for row in PLAIN])),

@@ -229,6 +229,11 @@ TELEMETRY = (
     f("mosquitto_sub -F %J", each_line(lambda t, i, u, c, at: json.dumps(
         {"tst": f"{at:%Y-%m-%dT%H:%M:%S}.000000Z+0000", "topic": "bms", "payload": {"voltage": u, "current": i}})),
       "log.jsonl", dated=True, warm=False),
+    f("mosquitto_sub -F '%I %t %p'", each_line(lambda t, i, u, c, at: (
+        f"{at:%Y-%m-%dT%H:%M:%S}+0000 bms/r3 {json.dumps({'pack': {'voltage': u, 'current': i}})}")),
+      dated=True, warm=False),
+    f("syslog", each_line(lambda t, i, u, c, at: f"{at:%b %d %H:%M:%S} robot-3 bms[712]: voltage={u} current={i}"),
+      warm=False),
     f("Torque", lines(TORQUE, TORQUE_ROWS), dated=True, warm=False),
     f("PicoLog", lines(("", "Last (V)", "Last (A)", "Last (°C)"), rows_of(
         LOG, lambda t, i, u, c, at: (at.isoformat(), u, i, c))), dated=True),

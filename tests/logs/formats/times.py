@@ -111,6 +111,8 @@ TIMES = (
     dated("2026-03-28_09-15-00", as_("%Y-%m-%d_%H-%M-%S")),
     dated("09:15:00 28/03/2026", as_("%H:%M:%S %d/%m/%Y")),
     dated("2026年03月28日 09:15:00", as_("%Y年%m月%d日 %H:%M:%S")),
+    dated("2026년 3월 28일 09시 15분 00초", lambda at: f"{at:%Y}년 {at.month}월 {at.day}일 {at:%H시 %M분 %S초}"),
+    dated("2026/03/28(土) 午前 09:15:00", as_("%Y/%m/%d(土) 午前 %I:%M:%S")),
     dated("2026-087 09:15:00, day of the year", as_("%Y-%j %H:%M:%S"), flags=("--time-format", "%Y-%j %H:%M:%S")),
     two("date and time in two columns", ("Date", "Time"), "%d.%m.%Y", "%H:%M:%S", LATE),
     two("date and time in two columns, US", ("DATE", "TIME"), "%m/%d/%Y", "%I:%M:%S %p", LATE),
