@@ -20,10 +20,10 @@ class InputError(OhmwardError):
     """Invalid input from the caller or a file; the message names the item, the rule, the value and the fix.
 
     >>> try:
-    ...     ow.load_battery("none.toml")
+    ...     ow.read_log("none.csv")
     ... except ow.InputError as error:
     ...     print(error)
-    none.toml: cannot be read (No such file or directory); check the path
+    none.csv: there is no such file; check the path
 
     The command line prints the message and ends with status 2.
 

@@ -53,6 +53,7 @@ class TomlFile(Generic[T]):
     #: keys that may name another file (.toml), such as "battery.file": its path is relative to the folder of the file
     #: that names it
     paths: tuple[str, ...] = ()
+    made_by: str = ""  #: commands that make one, for the error where there is none
 
     @property
     def noun(self) -> str:
@@ -76,7 +77,8 @@ class TomlFile(Generic[T]):
         Raises:
             InputError: the file cannot be read or has an invalid value; names file, key, rule and fix.
         """
-        return parse_file(path, partial(self.parse, folder=path_of(path).parent), f"{self.noun} file")
+        parse = partial(self.parse, folder=path_of(path).parent)
+        return parse_file(path, parse, f"{self.noun} file", self.made_by)
 
     def dump(self, value: T) -> str:
         """The text of the file; numbers are rounded to `digits`, fields that are None left out."""
@@ -277,8 +279,8 @@ def _literal(value: Any) -> str:
     return "[\n" + "".join(f"    {line},\n" for line in lines) + "]"
 
 
-def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) -> T:
-    """Result of `parse` on the text of a file; what: the kind of file that it should be.
+def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str, made_by: str = "") -> T:
+    """Result of `parse` on the text of a file; what: the kind of file that it should be; made_by: see `TomlFile`.
 
     Raises:
         InputError: the file cannot be read, or `parse` rejects its text; names the file.
@@ -286,7 +288,8 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
     try:
         return parse(text_of(path))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+        make = f", or make one with {made_by}" if made_by and isinstance(error, FileNotFoundError) else ""
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path{make}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not text in UTF-8; is it a {what}? Save it as UTF-8") from error
     except InputError as error:

@@ -1,3 +1,4 @@
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -142,7 +143,10 @@ def test_a_drive_is_examined(here, as_json, capsys):
         "neither motor currents nor a speed from outside",
         "no gyro",
     ]
-    assert found["next"] == ["ohmward slip drive.csv --robot robot.toml"]
+    assert found["next"] == [
+        "ohmward robot --radius M --track M --mass KG -o robot.toml",
+        "ohmward slip drive.csv --robot robot.toml",
+    ]
     assert "Wheels" in (here / "found.html").read_text(encoding="utf-8")
     assert main(["doctor", "drive.csv"]) == 0
     assert "wheel left" in capsys.readouterr().out
@@ -151,7 +155,7 @@ def test_a_drive_is_examined(here, as_json, capsys):
 def test_a_drive_is_checked_with_its_robot(here, as_json):
     Path("drive.csv").write_text(_drive_text().replace("velL_rad_s", "velL_rpm"), encoding="utf-8")
     found = as_json("doctor", "drive.csv", "--robot", "rlma", "--unit", "wheel_speed=rpm")
-    assert found["next"] == ["ohmward slip drive.csv --robot rlma"]
+    assert found["next"] == ["ohmward slip drive.csv --robot rlma --unit wheel_speed=rpm"]
     (log,) = found["drives"]
     assert set(log["survey"]["wheels"]) == {"front_left", "front_right"}
     assert log["survey"]["wheels"]["front_right"]["maximum"] == pytest.approx(1.1 * np.pi / 30, rel=1e-3)
@@ -177,7 +181,27 @@ def test_a_log_of_battery_and_wheels_is_both(here, as_json):
     Path("both.csv").write_text("\n".join(lines))
     found = as_json("doctor", "both.csv", "--unit", "wheel_speed=rad/s", "--unit", "current=A")
     assert (len(found["logs"]), len(found["drives"])) == (1, 1)
-    assert found["next"][-1] == "ohmward mission both.csv --robot robot.toml --battery battery.toml"
+    of_drive, of_both = "--unit wheel_speed=rad/s", "--unit wheel_speed=rad/s --unit current=A"
+    assert found["next"][-2:] == [
+        f"ohmward slip both.csv --robot robot.toml {of_drive}",
+        f"ohmward mission both.csv --robot robot.toml --battery battery.toml {of_both}",
+    ]
+
+
+def test_the_next_command_reads_the_log_as_this_one_did(here, as_json, capsys):
+    lines = Path("day.csv").read_text().splitlines()[1:]
+    Path("my day.csv").write_text("\n".join(lines))
+    names = ",".join(["time_s", "current_A", "voltage_V", *(f"c{k}" for k in range(lines[0].count(",") - 2))])
+    words = ["--names", names, "--current-sign", "charge", "--from", "60", "--temperature", "20", "--sort-time"]
+    *_, command = as_json("doctor", "my day.csv", *words)["next"]
+    assert main(shlex.split(command)[1:]) == 0
+
+
+def test_a_battery_file_is_made_first_where_there_is_none(here, as_json, refused):
+    Path("battery.toml").unlink()
+    make, estimate = as_json("doctor", "day.csv")["next"]
+    assert make == "ohmward generic --chemistry CHEMISTRY --capacity-ah AH --n-series N -o battery.toml"
+    assert "make one with `ohmward generic`" in refused(*shlex.split(estimate)[1:])
 
 
 def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):
@@ -226,6 +250,9 @@ def test_cells_called_like_speeds_are_no_wheels(here, as_json):
     found = as_json("doctor", "cells.csv")
     assert found["drives"] == []
     assert not any("also a drive" in note for note in found["logs"][0]["notes"])
+    write_log(replace(log, extra=cells | {"Speed1": log.time_s, "Speed2": log.time_s}), "cells.csv")
+    (of_speeds,) = as_json("doctor", "cells.csv")["drives"]
+    assert set(of_speeds["survey"]["wheels"]) == {"1", "2"}
 
 
 def test_a_log_that_is_called_as_a_robot_is_the_log(here, as_json):

@@ -44,7 +44,12 @@ def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
 
 #: Format of the file; `dump` returns its text, `parse` reads it.
 BATTERY_FILE = TomlFile(
-    Battery, _FORMAT, _HEADER, once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)}, normal=_as_thevenin
+    Battery,
+    _FORMAT,
+    _HEADER,
+    once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)},
+    normal=_as_thevenin,
+    made_by="`ohmward generic` or `ohmward identify`",
 )
 
 

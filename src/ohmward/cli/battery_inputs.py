@@ -158,13 +158,37 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
     return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
 
 
+def reading_words(reading: ReadOptions) -> list[str]:
+    """The words of a command line that `read_options` turns into these options."""
+    hints = reading.hints
+    repeated = {"--column": reading.columns, "--unit": reading.units, "--where": reading.where}
+    words = [word for option, pairs in repeated.items() for pair in pairs for word in (option, "=".join(pair))]
+    once = {
+        "--current-sign": None if reading.current_sign == "auto" else reading.current_sign,
+        "--names": hints.names and ",".join(hints.names),
+        "--encoding": hints.encoding,
+        "--time-format": hints.time_format,
+        "--timezone": hints.timezone,
+        "--from": hints.start,
+        "--to": hints.stop,
+        "--sample-time": hints.sample_time_s,
+        "--temperature": hints.temperature_degC,
+        "--dbc": hints.dbc,
+    }
+    words += [word for option, value in once.items() if value is not None for word in (option, str(value))]
+    return [*words, "--sort-time"] if reading.sort_time else words
+
+
 def of_kinds(reading: ReadOptions, of_battery: bool) -> ReadOptions:
-    """The options with only the columns and units of the battery, or of the drive; the time belongs to both."""
+    """The options of the battery alone, or of the drive; the time belongs to both."""
     columns, units = (
         tuple((kind, name) for kind, name in pairs if kind == TIME.name or (kind in _BATTERY_KINDS) == of_battery)
         for pairs in (reading.columns, reading.units)
     )
-    return replace(reading, columns=columns, units=units)
+    chosen = replace(reading, columns=columns, units=units)
+    if of_battery:
+        return chosen
+    return replace(chosen, current_sign="auto", hints=reading.hints._replace(temperature_degC=None))
 
 
 def read_battery_log(

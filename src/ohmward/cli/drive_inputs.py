@@ -43,6 +43,12 @@ class DriveOptions(NamedTuple):
     counts_per_turn: float | None
     radius_m: float | None = None  #: of the wheels; None for the robot's, nan if it is not known
 
+    @property
+    def shaft_words(self) -> list[str]:
+        """The words of `add_shaft_options` that these options come from."""
+        count = [] if self.counts_per_turn is None else ["--counts-per-turn", f"{self.counts_per_turn:g}"]
+        return [*(["--motor-shaft"] if self.motor_shaft else []), *count]
+
     def read(
         self,
         text: str,

@@ -75,4 +75,5 @@ SETUP_FILE = TomlFile(
     "ohmward-setup/1",
     "# What runs on this robot: `ohmward run` reads it, `ohmward run --check` tries it.",
     kinds=SOURCES | SINKS,
+    made_by="`ohmward setup`",
 )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -14,7 +15,7 @@ from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
 from ohmward.battery.soc import band_forecast
-from ohmward.cli.battery_inputs import of_kinds, read_battery_log
+from ohmward.cli.battery_inputs import of_kinds, read_battery_log, reading_words
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.wording import assumptions, bullets, fields, paragraphs, sentence, table, with_assumptions
@@ -55,6 +56,25 @@ class GivenFiles(NamedTuple):
     drives: DriveOptions
     robot: str
     battery: str
+
+    def make_battery(self) -> list[str]:
+        """The command that makes the battery file, if there is none."""
+        if Path(self.battery).exists():
+            return []
+        return [f"ohmward generic --chemistry CHEMISTRY --capacity-ah AH --n-series N -o {self.battery}"]
+
+    def make_robot(self) -> list[str]:
+        """The command that makes the robot file, if there is none."""
+        if kind_of(self.robot) == ROBOT_FILE.noun or Path(self.robot).exists():
+            return []
+        return [f"ohmward robot --radius M --track M --mass KG -o {self.robot}"]
+
+    def next_command(self, command: str, path: str, *options: str) -> str:
+        """A command on a log, with the options by which it was read, and further ones."""
+        is_drive, is_battery = command in ("slip", "mission"), command != "slip"
+        reading = self.drives.reading if is_drive and is_battery else of_kinds(self.drives.reading, is_battery)
+        shaft = self.drives.shaft_words if is_drive else []
+        return shlex.join(["ohmward", command, path, *options, *reading_words(reading), *shaft])
 
 
 class Part(NamedTuple):
@@ -154,7 +174,9 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
             raise
         refused = error
     if log is not None:
-        places = _places(file, options.robot, _cells(log))
+        cells = _cells(log)
+        file = file._replace(names=tuple(name for name in file.names if name not in cells))
+        places = _places(file, options.robot)
     if places:
         try:
             drive = options._replace(reading=of_kinds(reading, of_battery=False)).read(path, file=file)
@@ -167,16 +189,18 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         found = examine(log)
         activity = found.survey.activity
         is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
-        commands = [f"ohmward identify {path} --capacity-ah AH --chemistry nmc -o battery.toml"] if is_test else []
-        commands.append(f"ohmward soc {path} --battery {given.battery}")
+        label = ("--capacity-ah", "AH", "--chemistry", "CHEMISTRY", "--n-series", "N", "-o", given.battery)
+        commands = [given.next_command("identify", path, *label)] if is_test else given.make_battery()
+        commands.append(given.next_command("soc", path, "--battery", given.battery))
         yield _examined(
             "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
         )
     if drive is not None:
         of_drive = examine_drive(drive, places)
-        commands = [f"ohmward slip {path} --robot {given.robot}"]
+        commands = [*given.make_robot(), given.next_command("slip", path, "--robot", given.robot)]
         if log is not None:
-            commands.append(f"ohmward mission {path} --robot {given.robot} --battery {given.battery}")
+            of_robot = ("--robot", given.robot, "--battery", given.battery)
+            commands.append(given.next_command("mission", path, *of_robot))
         name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
         yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
 
@@ -211,16 +235,13 @@ def _cells(log: Log) -> set[str]:
     }
 
 
-def _places(file: TableFile, robot: Robot | None, leave: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of the robot's wheels, or without a robot of those in the columns; () for a log without a drive.
-
-    leave: columns that are not wheels.
-    """
+def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
+    """Names of the robot's wheels, or without a robot of those in the columns; () for a log without a drive."""
     try:
         names = file.part("drive").names
     except InputError:  # a recording without a topic of a drive
         return ()
-    if not (found := wheel_places([name for name in names if name not in leave])):
+    if not (found := wheel_places(names)):
         return ()
     return tuple(place.name for place in robot.places) if robot else found
 

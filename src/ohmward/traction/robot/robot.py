@@ -231,7 +231,7 @@ _HEADER = """\
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 #: Format of the robot file; `dump` writes and `parse` reads its text.
-ROBOT_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS)
+ROBOT_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS, made_by="`ohmward robot`")
 
 
 def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
