@@ -89,7 +89,8 @@ def test_the_robots_of_a_fleet_are_on_one_page(folder, capsys):
         for date in ("2026-01-05", "2026-01-06"):
             log = read_log(folder / "logs" / f"robot{k}.csv", current_sign="charge")
             start_s = datetime.fromisoformat(f"{date}T08:00:00+00:00").timestamp()
-            write_log(replace(log, start_unix_s=start_s), folder / "logs" / f"amr-{k}_{date}.csv")
+            log = replace(log, start_unix_s=start_s, voltage_V=log.voltage_V + 1e-4 * k)
+            write_log(log, folder / "logs" / f"amr-{k}_{date}.csv")
     (folder / "logs" / "amr-1_2026-01-07.csv").write_text("nothing\n")
     command = ["fleet", str(folder / "logs" / "amr*.csv"), "--battery", str(folder / "cell.toml"), "--filter", "ekf"]
     command += ["-o", str(folder / "out"), "--processes", "1"]

@@ -60,7 +60,7 @@ def test_a_log_without_the_column_of_the_robot_does_not_change_those_of_the_othe
     texts = logs_with_ids(tmp_path / "logs")
     other = write(tmp_path / "noid.csv", day(0, 0.9))
     found = robots_of([*texts, other])
-    assert (found.by, found.otherwise) == ("robot_id", (other,))
+    assert (found.by, found.otherwise) == ("robot_id", {"log": [other]})
     assert found.logs == {"R0": texts[::2], "R1": texts[1::2], "noid": [other]}
 
 
@@ -73,7 +73,7 @@ def test_a_column_that_is_named_ends_the_search_however_it_is_written(tmp_path):
     (tmp_path / "log_6.csv").write_text("")
     found = robots_of([*texts, *others, str(tmp_path / "log_6.csv")], "robot_id")
     assert found.logs == {"R0": texts, "log_4": others[:1], "log_5": others[1:]}
-    assert (found.otherwise, found.unreadable) == (tuple(others), (str(tmp_path / "log_6.csv"),))
+    assert (found.otherwise, found.unreadable) == ({"log": others}, (str(tmp_path / "log_6.csv"),))
 
 
 def test_files_that_are_no_logs_do_not_change_the_robots_and_are_none(tmp_path):
@@ -89,7 +89,7 @@ def test_files_that_are_no_logs_do_not_change_the_robots_and_are_none(tmp_path):
 
 def test_logs_of_different_robots_are_never_one_robot_by_their_names(tmp_path):
     texts = [write(tmp_path / f"run_{k}.csv", day(k, 0.9), robot_id=f"R{k}") for k in range(3)]
-    assert robots_of(texts) == ("log", {text: [text] for text in texts}, (), ())
+    assert robots_of(texts) == ("log", {text: [text] for text in texts}, {}, ())
 
 
 def test_a_few_names_with_numbers_do_not_hide_the_folders(tmp_path):
@@ -105,7 +105,7 @@ def test_logs_with_one_name_in_two_folders_stay_alone(tmp_path):
     texts = logs_with_ids(tmp_path / "logs")
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
-    others = [write(tmp_path / folder / "noid.csv", day(0, 0.9)) for folder in ("one", "two")]
+    others = [write(tmp_path / folder / "noid.csv", day(k, 0.9)) for k, folder in enumerate(("one", "two"))]
     found = robots_of([*texts, *others])
     assert [len(logs) for logs in found.logs.values()] == [2, 2, 1, 1]
 
@@ -123,7 +123,8 @@ def test_a_file_of_several_robots_is_split_by_its_column(tmp_path):
 def test_folders_and_logs_alone(tmp_path):
     for robot in ("left", "right"):
         (tmp_path / robot).mkdir()
-    texts = [write(tmp_path / robot / f"{name}.csv", day(0, 0.9)) for robot in ("left", "right") for name in ("x", "y")]
+    places = ("left/x.csv", "left/y.csv", "right/x.csv", "right/y.csv")
+    texts = [write(tmp_path / place, day(k, 0.9)) for k, place in enumerate(places)]
     assert {robot: len(logs) for robot, logs in robots_of(texts).logs.items()} == {"left": 2, "right": 2}
     assert robots_of(texts, "log").logs == {text: [text] for text in texts}
     assert robots_of(texts[:1]).by == "log"
@@ -153,6 +154,13 @@ def test_logs_are_taken_in_order_of_time_and_those_recorded_twice_are_refused(tm
     (row,) = job({"r": texts}).run(["r x"])
     assert [Path(log["path"]).stem for log in row["logs"]] == ["z", "a", "m"]
     assert "overlaps in time with a of this robot" in row["logs"][2]["error"]
+
+
+def test_a_copy_under_another_name_is_of_the_same_robot(tmp_path):
+    texts = [write(tmp_path / f"amr-{k}_2026-01-0{k}.csv", day(k, 0.9)) for k in (1, 2)]
+    texts += [write(tmp_path / "amr-1_2026-01-09.csv", day(9, 0.9)), str(tmp_path / "copy of it.csv")]
+    Path(texts[3]).write_bytes(Path(texts[0]).read_bytes())
+    assert robots_of(texts).logs == {"amr-1": [texts[0], texts[2], texts[3]], "amr-2": texts[1:2]}
 
 
 def test_a_log_without_a_clock_among_others_is_refused_and_alone_they_follow_each_other(tmp_path):

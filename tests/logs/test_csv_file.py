@@ -69,9 +69,19 @@ def test_the_error_of_a_package_in_place_of_zlib_is_a_damaged_gzip_file(tmp_path
 
 def test_a_damaged_gzip_file_is_named(tmp_path):
     path = tmp_path / "log.csv.gz"
-    path.write_bytes(gzip.compress(PLAIN.encode())[:-9])
+    packed = bytearray(gzip.compress(PLAIN.encode()))
+    packed[-6] ^= 1
+    path.write_bytes(packed)
     with pytest.raises(InputError, match=r"log.csv.gz: the gzip file is damaged"):
         load(path)
+
+
+def test_a_gzip_file_is_read_up_to_where_it_was_cut_off(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(PLAIN.encode())[:-9])
+    table = load(path)
+    np.testing.assert_array_equal(table.columns["voltage_V"], [12.25, 12.5, 12.0])
+    assert "the gzip file is cut off" in str(table.notes[-1])
 
 
 def test_quoted_names_may_contain_the_delimiter(write_text):

@@ -31,7 +31,7 @@ from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.table import RECORDING_ENDINGS, TableFile
+from ohmward.logs.table import LOG_ENDINGS, RECORDING_ENDINGS, TableFile
 
 #: Kinds of --column and --unit that belong to a battery; all others, and the time, belong to a drive.
 _BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
@@ -229,7 +229,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
 
 
 #: Endings of logs in a folder.
-_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDING_ENDINGS)
+_ENDINGS = (*LOG_ENDINGS, *RECORDING_ENDINGS)
 
 
 def log_files(words: Sequence[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -33,7 +34,8 @@ class Robots(NamedTuple):
 
     by: str  #: the way, or the name of the column, by which most logs were identified
     logs: dict[str, list[str]]  #: robot -> its logs; with a selection of rows if a file holds several robots
-    otherwise: tuple[str, ...] = ()  #: logs that were identified in another way: by their names, or each alone
+    #: another way, or column, -> logs identified by it; `ALONE` for those of no robot
+    otherwise: Mapping[str, Sequence[str]] = {}
     unreadable: tuple[str, ...] = ()  #: logs that cannot be opened and belong to no robot of the others
 
 
@@ -52,7 +54,8 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
     by = by or AUTO
     if by == ALONE:
         return _each_alone(texts)
-    files = {text: file for text in texts if (file := _opened(text, hints)) is not None}
+    copies = _copies(texts)
+    files = {text: file for text in texts if text not in copies and (file := _opened(text, hints)) is not None}
     finds = _finds(by)
     if by not in (AUTO, NAME, FOLDER) and not any(find(file.names) for file in files.values() for find in finds):
         what = "a serial number" if by == SERIAL else f"the column {by!r}"
@@ -64,7 +67,28 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
     is_split = any(len(label.robots) > 1 for label in labels.values())
     if by == AUTO and not is_split and all(len(logs) == 1 for logs in found.logs.values()):
         return _each_alone(texts)
-    return _with_unreadable(found, [text for text in texts if text not in readable], FOLDER if way == FOLDER else NAME)
+    unreadable = [text for text in texts if text not in readable and text not in copies]
+    found = _with_unreadable(found, unreadable, FOLDER if way == FOLDER else NAME)
+    for text, original in copies.items():
+        for logs in found.logs.values():
+            logs += [log.replace(original, text, 1) for log in logs if split_selection(log)[0] == Path(original)]
+    return found
+
+
+def _copies(texts: Sequence[str]) -> dict[str, str]:
+    """Log -> an earlier one with the same bytes, whatever its name: of the same robot, recorded once."""
+    of_size: dict[int, list[str]] = {}
+    copies: dict[str, str] = {}
+    for text in texts:
+        path = Path(text)
+        size = path.stat().st_size if path.is_file() else 0
+        alike = (other for other in of_size.setdefault(size, []) if filecmp.cmp(other, text, shallow=False))
+        original = next(alike, None) if size else None
+        if original is None:
+            of_size[size].append(text)
+        else:
+            copies[text] = original
+    return copies
 
 
 class _RobotLabel(NamedTuple):
@@ -137,7 +161,11 @@ def _assigned(readable: Sequence[str], labels: Mapping[str, _RobotLabel], way: s
             robots.setdefault(stem if stem in known or stem not in robots else text, []).append(text)
     ways = list(found_by.values())
     by = max(ways, key=ways.count, default=way)
-    return Robots(by, robots, tuple(text for text in readable if _bare(found_by.get(text, "")) != _bare(by)))
+    otherwise: dict[str, list[str]] = {}
+    for text in readable:
+        if _bare(found := found_by.get(text, ALONE)) != _bare(by):
+            otherwise.setdefault(found, []).append(text)
+    return Robots(by, robots, otherwise)
 
 
 def _with_unreadable(found: Robots, texts: Sequence[str], way: str) -> Robots:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.cells import is_data, is_value, parse_cells, without_words
-from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text
+from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, is_cut, known_table, lines_of, open_text
 from ohmward.logs.frame import import_arrow, numbers_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
@@ -60,7 +60,7 @@ def _readable(path: Path) -> Iterator[None]:
         raise InputError(f"{path.name}: not in the encoding {error}; name another with --encoding") from error
     except Exception as error:
         # packages for cyclers replace zlib by a faster one, with an error of its own
-        if not isinstance(error, gzip.BadGzipFile | EOFError | zlib.error) and type(error).__name__ != "IsalError":
+        if not isinstance(error, gzip.BadGzipFile | zlib.error) and type(error).__name__ != "IsalError":
             raise
         raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack the intact part") from error
 
@@ -109,6 +109,8 @@ def _blocks(
                 yield rows, line
             if progress:
                 progress(bytes_read(stream), size)
+        if is_cut(stream):
+            notes.append(Note("the gzip file is cut off: its rows up to there are used", "warning"))
     for which, what in ((stray, "a quote that nothing closes"), (damaged, "zeros of a power failure")):
         if which:
             text = f"{what} in {counted(len(which), 'line')} (first in line {which[0]}): left out"

@@ -198,11 +198,12 @@ class _Split(NamedTuple):
 
 
 class _LimitedGzip(gzip.GzipFile):
-    """A gzip file that refuses to be read once it has unpacked to far more than a log would."""
+    """A gzip file that ends where it was cut off, and refuses to be read once it has unpacked to too much for a log."""
 
     def __init__(self, path: Path, mode: Literal["rb"]) -> None:
         super().__init__(path, mode)
         self.packed: Any = self.fileobj
+        self.is_cut = False
 
     def read1(self, size: int = -1) -> bytes:
         unpacked, taken = self.tell(), max(self.packed.tell(), 1)
@@ -211,7 +212,11 @@ class _LimitedGzip(gzip.GzipFile):
                 f"{Path(self.name).name}: the gzip file unpacks to more than {UNPACKED_BYTES >> 20} MiB and "
                 f"{UNPACKED_TIMES} times its size, as no log does; if it is one, unpack it with gunzip first"
             )
-        return super().read1(size)
+        try:
+            return super().read1(size)
+        except EOFError:
+            self.is_cut = True
+            return b""
 
 
 def open_text(path: Path, encoding: str | None = None) -> TextIO:
@@ -220,7 +225,9 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
         opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
     if encoding is None:
         with opener(path, "rb") as stream:
-            head = stream.read(_LAYOUT_BYTES)
+            head = b""
+            while len(head) < _LAYOUT_BYTES and (part := stream.read1(_LAYOUT_BYTES - len(head))):
+                head += part
         encoding = find_encoding(head)
         if not is_wide(encoding):
             _require_text(path, head)
@@ -246,6 +253,11 @@ def _require_text(path: Path, head: bytes) -> None:
 def bytes_read(stream: TextIO) -> int:
     """The position [bytes] of a stream of `open_text` in its file, packed or not."""
     return getattr(stream.buffer, "fileobj", stream.buffer).tell()
+
+
+def is_cut(stream: TextIO) -> bool:
+    """True for a stream of `open_text` that has ended where its gzip file was cut off."""
+    return getattr(stream.buffer, "is_cut", False)
 
 
 def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:

@@ -36,7 +36,7 @@ _CAPTION = (
     "Charge at the end of the last log; capacity and resistance over those of the battery file; change of the capacity "
     "since the first log, in points; 95 % bands. A - stands where the logs do not show the capacity."
 )
-_WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders"}
+_WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders", ALONE: "themselves"}
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> Outcome:
     name = chosen_name(args.filter.lower())
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
-    paths = log_files(args.logs)
+    paths = [path for path in log_files(args.logs) if folder.resolve() not in Path(path).resolve().parents]
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]
@@ -73,17 +73,16 @@ def _grouping_notes(robots: fleet.Robots, by: str | None) -> list[str]:
     if robots.by == ALONE:
         why = "" if by == ALONE else ": no column, serial number, name or folder gives a robot several logs; see --by"
         return [f"info: each log alone{why}"]
-    way = _WAYS.get(robots.by, f"the column {robots.by!r}")
-    notes = [f"info: robots identified by {way}: {len(robots.logs)}"]
-    if robots.otherwise:
-        several = len(robots.otherwise) > 1
-        logs = ", ".join([Path(text).name for text in robots.otherwise[:_MOST_LISTED]])
-        more = len(robots.otherwise) - _MOST_LISTED
-        notes.append(
-            f"warning: {counted(len(robots.otherwise), 'log')} not identified by {way}, but by "
-            f"{'their names' if several else 'its name'}: {logs}" + (f" and {more} more" if more > 0 else "")
-        )
+    notes = [f"info: robots identified by {_way(robots.by)}: {len(robots.logs)}"]
+    for way, texts in robots.otherwise.items():
+        level = "warning" if way in (ALONE, NAME, FOLDER) else "info"
+        logs = ", ".join(_cut([Path(text).name for text in texts], "see the column `robot`"))
+        notes.append(f"{level}: {counted(len(texts), 'log')} by {_way(way)}: {logs}")
     return notes
+
+
+def _way(by: str) -> str:
+    return _WAYS.get(by, f"the column {by!r}")
 
 
 def _of_robots(battery: str, job: fleet.RobotJob, folder: Path, executor: Executor, notes: list[str]) -> Outcome:
