@@ -197,6 +197,15 @@ def test_the_next_command_reads_the_log_as_this_one_did(here, as_json, capsys):
     assert main(shlex.split(command)[1:]) == 0
 
 
+def test_many_logs_are_those_of_a_fleet(here, as_json):
+    Path("logs").mkdir()
+    for k in range(11):
+        Path(f"logs/{k}.csv").write_text(Path("day.csv").read_text())
+    words = [*map(str, sorted(Path("logs").iterdir())), "--current-sign", "charge"]
+    command = "ohmward fleet logs --battery battery.toml --current-sign charge -o results"
+    assert as_json("doctor", *words)["next"] == [command]
+
+
 def test_a_battery_file_is_made_first_where_there_is_none(here, as_json, refused):
     Path("battery.toml").unlink()
     make, estimate = as_json("doctor", "day.csv")["next"]

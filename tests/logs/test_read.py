@@ -424,3 +424,13 @@ def test_a_time_in_parts_is_joined(write_text, pulses, head, form, dated):
     log = read_log(write_text("\n".join([f"{head},current_A,voltage_V", *rows])))
     np.testing.assert_allclose(log.time_s - log.time_s[0], time_s - time_s[0], atol=1e-6)
     assert log.start_unix_s == (begin.timestamp() if dated else None)
+
+
+def test_a_folder_whose_files_are_not_one_log_names_the_file_and_what_takes_several(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,current_A,voltage_V\n0,1,3.7\n1,1,3.7\n")
+    (tmp_path / "b.csv").write_text("")
+    with pytest.raises(InputError, match=r"not one log: b.csv: the file is empty.*`ohmward fleet`"):
+        read_log(tmp_path)
+    (tmp_path / "b.csv").write_text("time_s,i,u\n0,1,3.7\n1,1,3.7\n")
+    with pytest.raises(InputError, match=r"not one log: b.csv has other columns than a.csv \('current_A', 'i'"):
+        read_log(tmp_path)

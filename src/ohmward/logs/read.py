@@ -106,16 +106,19 @@ def _open_folder(folder: Path, hints: FileHints) -> TableFile:
     paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(LOG_ENDINGS)), key=in_order)
     if not paths:
         raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(LOG_ENDINGS)}")
-    files = [_open_file(path, hints) for path in paths]
+    files = []
+    try:
+        for path in paths:
+            files.append(file := _open_file(path, hints))
+            if other := sorted(set(file.names) ^ set(files[0].names)):
+                raise InputError(f"{file.source} has other columns than {files[0].source} ({listed(other)})")
+    except InputError as error:
+        raise InputError(
+            f"{folder}: the files of this folder are not one log: {error}. Name one log file, or all of them "
+            f"({folder / '*'}), or give the folder to `ohmward fleet`"
+        ) from None
     name = folder.resolve().name
     first = files[0]
-    for file in files[1:]:
-        if file.names != first.names:
-            other = sorted(set(file.names) ^ set(first.names))
-            raise InputError(
-                f"{folder}: the files of this folder are not one log: {file.source} has other columns than "
-                f"{first.source} ({listed(other)}); name one log file"
-            )
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         tables = [file.load(names, progress) for file in files]

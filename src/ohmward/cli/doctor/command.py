@@ -45,6 +45,8 @@ from ohmward.traction.robot.robot import ROBOT_FILE
 _LOG = "log"
 #: Smallest number of rests, and of pulses, of a test from which a battery can be identified.
 _PULSES_OF_A_TEST = 5
+#: More logs than these are those of a fleet: the next command is one for all of them.
+_MOST_LOGS = 10
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in band_forecast.TEMPERATURES_DEGC)]
@@ -118,6 +120,14 @@ def run(args: argparse.Namespace) -> Outcome:
         raise next(iter(refused.values()))
     parts = sorted(found, key=lambda part: _KINDS.index(part.kind))
     following = list(dict.fromkeys(command for part in found for command in part.next_commands))
+    logs = [path for path, kind in kinds.items() if kind == _LOG and path not in refused]
+    if len(logs) > _MOST_LOGS:
+        folders = list(dict.fromkeys(str(Path(path).parent) for path in logs))
+        words = [*reading_words(of_kinds(given.drives.reading, of_battery=True)), "-o", "results"]
+        following = [
+            *given.make_battery(),
+            shlex.join(["ohmward", "fleet", *folders, "--battery", given.battery, *words]),
+        ]
     return Outcome(
         summary={
             "command": "doctor",
