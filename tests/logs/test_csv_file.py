@@ -126,6 +126,15 @@ def test_a_few_words_among_numbers_are_missing_and_counted(write_text):
     assert str(note) == "warning: 2 cells of 'a' treated as missing: no number ('OL')"
 
 
+def test_lines_of_text_among_the_rows_are_left_out_and_counted(write_text):
+    rows = [f"{k},{k}" for k in range(9)]
+    rows[2:2] = ["[W][wifi] reconnect"]
+    table = load(write_text("time_s,a\n" + "\n".join([*rows, "end of log"])))
+    np.testing.assert_array_equal(table.columns["a"], np.arange(9.0))
+    expected = "warning: 2 lines of text left out, the first in line 4: '[W][wifi] reconnect'"
+    assert [str(note) for note in table.notes] == [expected]
+
+
 def test_words_in_many_cells_stay_text(write_text):
     rows = [f"{k},{'idle' if k % 4 == 0 else k}" for k in range(30)]
     assert load(write_text("time_s,state\n" + "\n".join(rows))).columns["state"].dtype == object

@@ -1,9 +1,21 @@
 """Files that are known and not read: each is named, with the way out."""
 
+import gzip
+import io
+import zipfile
+
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import read_log
+
+
+def _zip(*names: str) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as packed:
+        for name in names:
+            packed.writestr(name, "time_s,current_A,voltage_V\n0,1,3.7\n")
+    return buffer.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -19,6 +31,10 @@ from ohmward.logs import read_log
         (b"  can0  123   [8]  00 11 22 33 44 55 66 77\n", "candump -l can0"),
         (b" (1700000000.000001)  vcan0  123   [2]  00 11\n", "candump -l can0"),
         (b"\x80\x04\x95" + bytes(90), "pickle of Python"),
+        (b"\x93NUMPY\x01\x00" + bytes(90), "array of NumPy without names; save it with numpy.savez"),
+        (b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250), "an archive of tar; unpack it"),
+        (gzip.compress(b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250)), "a packed archive of tar; unpack it"),
+        (_zip("a.csv", "b.csv"), r"an archive of 2 logs \('a.csv', 'b.csv'\); unpack it"),
         (b"%PDF-1.7\n" + bytes(90), "PDF document"),
         (b'<?xml version="1.0"?>\n<!-- a mower -->\n<robot name="m">', "a URDF; .*ohmward robot FILE"),
         (b"\n<TABLE border=1><tr><th>Time</th></tr>", "a page of HTML, .*save it as .xlsx or CSV"),

@@ -22,6 +22,8 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
 
 _PARSED_ROWS = 50_000
+#: Smallest share of lines of text among the rows at which these are no table.
+_MOST_REMARKS = 0.5
 
 
 def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
@@ -132,11 +134,15 @@ def _repair(
     for k, row in enumerate(rows):
         while len(row) > width and not row[-1].strip():
             rows[k] = row = row[:-1]
-    # a remark below the rows; a truncated row of numbers is not a remark
-    while at_end and len(rows) > 1 and len(rows[-1]) != width and not (is_data(rows[-1]) or is_value(rows[-1][0])):
-        excerpt = layout.delimiter.join(rows[-1])[:40]
-        notes.append(Note(f"line {line[-1]} below the rows left out: {excerpt!r}"))
-        rows, line = rows[:-1], line[:-1]
+    # a truncated row of numbers is no remark
+    remarks = [k for k, row in enumerate(rows) if len(row) != width and not (is_data(row) or is_value(row[0]))]
+    if remarks and len(remarks) < _MOST_REMARKS * len(rows):
+        excerpt = layout.delimiter.join(rows[remarks[0]])[:40]
+        text = f"{counted(len(remarks), 'line')} of text left out, the first in line {line[remarks[0]]}: {excerpt!r}"
+        between = any(k + 1 < len(rows) and k + 1 not in remarks for k in remarks)
+        notes.append(Note(text, "warning" if between else "info"))
+        kept = sorted(set(range(len(rows))) - set(remarks))
+        rows, line = [rows[k] for k in kept], line[kept]
     if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
         notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
         rows, line = rows[:-1], line[:-1]

@@ -236,6 +236,8 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
 
 def _require_text(path: Path, head: bytes) -> None:
     """Refuse binary data; a power failure leaves zeros at the end of a file, and in single lines."""
+    if head[257:262] == b"ustar":
+        raise InputError(f"{path.name}: a packed archive of tar; unpack it and name the log in it")
     lines = head.rstrip(b"\0\r\n").split(b"\n")
     binary = [k for k, line in enumerate(lines) if b"\0" in line]
     if binary and _CONTROL.search(b"\n".join(lines[:_BEGINNING])):

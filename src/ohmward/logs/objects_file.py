@@ -123,7 +123,11 @@ def _whole(digits: str) -> float:
 
 def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     """Columns of equal length."""
-    if isinstance(content, Mapping):
+    if isinstance(content, Mapping) and {"columns", "data"} <= content.keys():  # of pandas, orient="split"
+        content = [dict(zip(content["columns"], row, strict=False)) for row in content["data"]]
+    elif isinstance(content, Mapping) and len({_keys(value) for value in content.values()} | {()}) == 2:
+        return {name: plain_array(_alike(list(value.values()))) for name, value in content.items()}  # of pandas
+    elif isinstance(content, Mapping):
         lists = {name: value for name, value in content.items() if isinstance(value, list)}
         nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
         if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
@@ -139,6 +143,11 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
             "messages of ROS without a stamp have no time here: record them with `ros2 bag record`"
         )
     return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
+
+
+def _keys(value: Any) -> tuple[str, ...]:
+    """The keys of an object that has several; () for any other value."""
+    return tuple(value) if isinstance(value, Mapping) and len(value) > 1 else ()
 
 
 def _echoed(text: str) -> list[dict[str, str]]:

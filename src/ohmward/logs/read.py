@@ -7,12 +7,13 @@ import re
 import shutil
 import sys
 import tempfile
+import zipfile
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, read_clock
 from ohmward.logs.columns import Column, fraction_column, listed, other_times
 from ohmward.logs.csv_file import open_csv
+from ohmward.logs.csv_layout import UNPACKED_BYTES, UNPACKED_TIMES
 from ohmward.logs.frame import is_frame, open_frame, open_parquet
 from ohmward.logs.hints import HEAD_BYTES, TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
@@ -32,7 +34,18 @@ from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.selection import RECORDING, SeveralRecordingsError
 from ohmward.logs.sqlite_file import MAGIC as SQLITE_MAGIC
 from ohmward.logs.sqlite_file import open_sqlite_table
-from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
+from ohmward.logs.table import (
+    LOG_ENDINGS,
+    Note,
+    Opener,
+    Progress,
+    Table,
+    TableFile,
+    counted,
+    in_order,
+    parsing,
+    row_numbers,
+)
 from ohmward.logs.vehicle_file import is_telemetry, open_telemetry
 from ohmward.logs.workbook_file import open_workbook
 
@@ -74,6 +87,8 @@ _KNOWN = tuple(
             "give pandas.read_html(FILE)[0]",
         ),
         (rb"\s*<\?xml", "XML; export the log as CSV with the program that wrote it, or give pandas.read_xml(FILE)"),
+        (rb"\x93NUMPY", "an array of NumPy without names; save it with numpy.savez(FILE, time_s=..., current_A=...)"),
+        (rb".{257}ustar", "an archive of tar; unpack it and name the log in it"),
         (rb"%PDF-", "a PDF document; export the numbers as CSV"),
         (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", "a packed file; unpack it first"),
     )
@@ -85,17 +100,23 @@ STANDARD_INPUT = "-"
 _STREAM = "standard input"
 
 
-def _stored(path: Path) -> Path:
+def _stored(source: IO[bytes], name: str) -> Path:
     """Copy a stream, which can be read only once, to a temporary file that is deleted when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    copy = folder / _STREAM
+    copy = folder / name
     with copy.open("wb") as target:
-        if str(path) == STANDARD_INPUT:
-            shutil.copyfileobj(sys.stdin.buffer, target)
-        else:
-            with path.open("rb") as source:
-                shutil.copyfileobj(source, target)
+        shutil.copyfileobj(source, target)
+    return copy
+
+
+def _stored_input(path: Path) -> Path:
+    """A stream as a file; InputError for an empty one."""
+    if str(path) == STANDARD_INPUT:
+        copy = _stored(sys.stdin.buffer, _STREAM)
+    else:
+        with path.open("rb") as source:
+            copy = _stored(source, _STREAM)
     if not copy.stat().st_size:
         raise InputError(f"{_STREAM} is empty; a log needs a header line and rows below it")
     return copy
@@ -175,7 +196,7 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
     path = Path(source)
     try:
         if str(path) == STANDARD_INPUT or path.is_fifo() or path.is_char_device() or path.is_socket():
-            path = _stored(path)
+            path = _stored_input(path)
         if path.is_dir() and not is_recording(path):
             return _open_folder(path, hints)
         return open_bag(path) if is_recording(path) else _open_file(path, hints)
@@ -210,10 +231,28 @@ def opener_of(head: bytes) -> Opener:
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:
-    """Open a zip archive: a workbook, NumPy arrays (.npz), or a Neware file."""
+    """Open a zip archive: a workbook, NumPy arrays (.npz), a Neware file, or the only log in it."""
     if is_ndax(path):
         return open_neware(path, hints)
-    return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
+    if path.suffix.lower() == ".npz":
+        return open_npz(path, hints)
+    with parsing(path, "no readable archive", "pack it again"), zipfile.ZipFile(path) as archive:
+        parts = [part for part in archive.infolist() if part.filename.lower().endswith(LOG_ENDINGS)]
+        logs = [part for part in parts if not part.filename.lower().endswith(_REMARKS)] or parts
+        if not parts or any(map(_OF_WORKBOOK.match, archive.namelist())):
+            return open_workbook(path, hints)
+        if len(logs) > 1:
+            names = listed([part.filename for part in logs])
+            raise InputError(f"{path.name}: an archive of {len(logs)} logs ({names}); unpack it and name one of them")
+        if logs[0].file_size > max(UNPACKED_BYTES, UNPACKED_TIMES * logs[0].compress_size):
+            raise InputError(f"{path.name}: {logs[0].filename} unpacks to far more than a log would; unpack it first")
+        with archive.open(logs[0]) as source:
+            return _open_file(_stored(source, Path(logs[0].filename).name), hints)
+
+
+#: Texts in an archive beside its log; parts of a workbook.
+_REMARKS = (".txt", ".json", ".yaml")
+_OF_WORKBOOK = re.compile(r"xl/|content\.xml$|\[Content_Types\]")
 
 
 #: Opener of each format that is recognised by its first bytes.

@@ -9,12 +9,14 @@ import zipfile
 from collections.abc import Callable, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 from xml.parsers import expat
 
+import numpy as np
+
 from ohmward.errors import InputError
-from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names
-from ohmward.logs.columns import has_log
+from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names, with_decimal_commas
+from ohmward.logs.columns import has_log, listed
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require, silenced
@@ -30,8 +32,21 @@ _CELL = re.compile(rb"<(?:\w+:)?c[\s/>]")
 _PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']""")
 
 
+class _Sheet(NamedTuple):
+    """A sheet with rows of values."""
+
+    is_log: bool
+    weight: float
+    name: str
+    rows: Sequence[Sequence[str]]
+    header: Header
+
+
 def open_workbook(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows."""
+    """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows.
+
+    Sheets of logs with the same columns are one log, whose column `sheet` tells them apart.
+    """
     calamine = require("python_calamine", "a workbook")
     with parsing(path, "no readable workbook", "save it again, or as CSV"), silenced():
         _require_size(path)
@@ -44,12 +59,16 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
         if block is not None:
             header = find_header(rows, block)
             names = tuple(hints.names) if hints.names and len(hints.names) == block.width else header.names
-            found.append((has_log(names), block.weight, name, rows, header._replace(names=names)))
+            found.append(_Sheet(has_log(names), block.weight, name, rows, header._replace(names=names)))
     if not found:
         raise InputError(f"{path.name}: no sheet has rows of numbers; its sheets are {', '.join(sheets) or 'none'}")
-    _, _, sheet_name, rows, header = max(found, key=lambda one: one[:2])
-    notes = (Note(f"sheet {sheet_name!r} of {len(sheets)}"),) if len(sheets) > 1 else ()
-    return _table_file(path.name, rows, header, hints, notes)
+    best = max(found, key=lambda one: one[:2])
+    logs = [one for one in found if one.is_log]
+    chosen = [one for one in logs if one.header.names == best.header.names] or [best]
+    notes = [Note(f"sheet {listed([one.name for one in chosen])} of {len(sheets)}")] if len(sheets) > 1 else []
+    if others := [one.name for one in logs if one not in chosen]:
+        notes.append(Note(f"sheet {listed(others)} holds another log, which is not read: save it as a file", "warning"))
+    return _table_file(path.name, chosen, hints, tuple(notes))
 
 
 def _require_size(path: Path) -> None:
@@ -223,20 +242,21 @@ def _cells_of_biff(stream: bytes) -> int:
     return sum(sheet.cells for sheet in sheets)
 
 
-def _table_file(
-    source: str, rows: Sequence[Sequence[str]], header: Header, hints: FileHints, notes: tuple[Note, ...]
-) -> TableFile:
-    """The table of rows of cells below a header."""
-    unique = unique_names(header.names)
+def _table_file(source: str, sheets: Sequence[_Sheet], hints: FileHints, notes: tuple[Note, ...]) -> TableFile:
+    """The table of the rows of cells below the header of each sheet."""
+    first = sheets[0].header.first
+    unique = unique_names(sheets[0].header.names)
     if len([name for name in unique if name]) < 2:
         raise InputError(
             f"{source}: no header above the rows; name the columns with --names time_s,current_A,voltage_V"
         )
-    data = [row for row in rows[header.first :] if any(row)]
-    cells = {name: [row[k] if k < len(row) else "" for row in data] for k, name in enumerate(unique) if name}
-    columns = {name: parse_cells(of_name, Marks()) for name, of_name in cells.items()}
+    data = [(sheet.name, row) for sheet in sheets for row in sheet.rows[sheet.header.first :] if any(row)]
+    cells = {name: [row[k] if k < len(row) else "" for _, row in data] for k, name in enumerate(unique) if name}
+    columns = with_decimal_commas({name: parse_cells(of_name, Marks()) for name, of_name in cells.items()})
+    if len(sheets) > 1:
+        columns |= {"sheet": np.array([name for name, _ in data], object)}
     head = {name: tuple(of_name[:100]) for name, of_name in cells.items()}
-    return file_of(Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes), hints, head=head)
+    return file_of(Table(source, columns, row_numbers(first + 1, len(data)), "row", notes), hints, head=head)
 
 
 def _text(cell: Any) -> str:

@@ -49,6 +49,27 @@ def dated_workbook(folder: Path) -> Path:
     return folder / "log.xlsx"
 
 
+def split_workbook(folder: Path) -> Path:
+    """A log over two sheets, as texts with decimal commas, beside a sheet of remarks."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["Remarks"])
+    for k in range(2):
+        sheet = book.create_sheet(f"part {k + 1}")
+        for row in (NAMES, *PLAIN[150 * k : 150 * (k + 1)]):
+            sheet.append([cell if row is NAMES else cell.replace(".", ",") for cell in row])
+    book.save(folder / "log.xlsx")
+    return folder / "log.xlsx"
+
+
+def archive(folder: Path) -> Path:
+    with zipfile.ZipFile(folder / "log.zip", "w") as packed:
+        packed.writestr("export/log.csv", lines(NAMES, PLAIN))
+        packed.writestr("export/readme.txt", "of robot 3")
+    return folder / "log.zip"
+
+
 def _record(kind: int, content: bytes) -> bytes:
     return struct.pack("<HH", kind, len(content)) + content
 
@@ -185,6 +206,8 @@ def parts(folder: Path) -> Path:
 CONTAINERS = (
     f("Excel workbook", workbook, package="openpyxl"),
     f("Excel workbook, second sheet, dates, units", dated_workbook, package="openpyxl", dated=True),
+    f("Excel workbook, two sheets, texts", split_workbook, package="openpyxl"),
+    f("zip archive of a log", archive),
     f("Excel 97 workbook", old_workbook, package="python_calamine"),
     f("OpenDocument workbook", open_document, package="python_calamine"),
     f("MATLAB, vectors", matlab(lambda: COLUMNS), package="scipy"),

@@ -280,6 +280,11 @@ TELEMETRY = (
     f("JSON lines", "".join(json.dumps(one) + "\n" for one in objects()), "log.jsonl", dated=True),
     f("JSON array", json.dumps(objects()), "log.json", dated=True),
     f("JSON object of columns", json.dumps(JSON_COLUMNS, indent=1), "log.json"),
+    f("JSON of pandas, columns", json.dumps({
+        name: {str(k): value for k, value in enumerate(column)} for name, column in JSON_COLUMNS.items()}), "log.json"),
+    f("JSON of pandas, orient='split'", json.dumps({
+        "columns": list(JSON_COLUMNS), "index": list(range(len(LOG.time_s))),
+        "data": list(zip(*JSON_COLUMNS.values(), strict=True))}), "log.json"),
     f("Grafana, units in cells", lines([f'"{name}"' for name in GRAFANA], GRAFANA_ROWS), dated=True),
     f("Unix time, bare names", lines(("unixtime", "v", "i", "temp"), SHELLY), dated=True),
 )  # fmt: skip
