@@ -162,8 +162,8 @@ _TABLE = (
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
         ValueLimits(-1e4, 1e4),
         words_of("speed", "spd", "rpm", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel",
-                 "drehzahl", "geschwindigkeit", "vitesse", "velocidad"),
-        "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"), least_hz=5.0,
+                 "drehzahl", "raddrehzahl", "geschwindigkeit", "radgeschwindigkeit", "vitesse", "velocidad"),
+        "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn rate", "turn", "angle", "length"), least_hz=5.0,
     ),
     Quantity(
         "wheel_counts", "count of each wheel's encoder, which may overflow", "wheel", "counts",
@@ -179,8 +179,8 @@ _TABLE = (
     Quantity(
         "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s",
         ValueLimits(-35.0, 35.0),  # 2000 degrees per second
-        words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro w omega", "z"),
-                 "angular velocity z", "ang vel z"),
+        words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro gyr w omega", "z"),
+                 "angular velocity z", "ang vel z", "gierrate"),
         "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
     ),
     Quantity(

@@ -1,8 +1,11 @@
 """Positions of wheels, in radians or degrees, that go on or start anew each turn."""
 
+import math
+
 import numpy as np
 import pytest
 
+from ohmward.errors import InputError
 from ohmward.logs import read_drive, write_table
 from ohmward.logs.wheel_columns import even_times
 from ohmward.traction import RLMA
@@ -134,3 +137,11 @@ def test_positions_that_come_evenly_or_with_pauses_keep_their_times(tmp_path):
     log = read_drive(tmp_path / "drive.csv", RLMA)
     assert not any("bursts" in note.text for note in log.notes)
     np.testing.assert_allclose(np.diff(log.time_s)[:50], 0.05, rtol=1e-9)
+
+
+def test_counts_a_second_are_a_speed(tmp_path):
+    (tmp_path / "drive.csv").write_text("t,left_tps,right_tps\n" + "".join(f"{k / 20},2048,-1024\n" for k in range(9)))
+    with pytest.raises(InputError, match="say how far with --counts-per-turn"):
+        read_drive(tmp_path / "drive.csv", RLMA)
+    log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=2048)
+    np.testing.assert_allclose(log.wheel_speed_rad_s[:, :2], [[2 * math.pi, -math.pi]] * 9, rtol=1e-15)

@@ -21,9 +21,22 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("fl", "lf"), ("front", "left")), **dict.fromkeys(("fr", "rf"), ("front", "right")),
     **dict.fromkeys(("rl", "bl", "lr", "lb"), ("rear", "left")),
     **dict.fromkeys(("rr", "br", "rb"), ("rear", "right")),
+    "lwheel": ("wheel", "left"), "rwheel": ("wheel", "right"),
     "wl": ("w", "left"), "wr": ("w", "right"), "vl": ("v", "left"), "vr": ("v", "right"),
     "il": ("i", "left"), "ir": ("i", "right"),
     "wz": ("w", "z"), "gz": ("gyro", "z"), "ax": ("a", "x"), "yawrate": ("yaw", "rate"),
+}  # fmt: skip
+
+
+#: East Asian words for wheels, the longest first.
+_EAST_ASIAN = {
+    unaccented(sign): word
+    for word, signs in (
+        ("omega", "角速度"), ("speed", "回転速度 回転数 转速 轉速 速度"), ("motor", "モーター 电机 電機 马达"),
+        ("current", "电流 電流"), ("wheel", "車輪 车轮 轮 輪"), ("left", "左"), ("right", "右"), ("front", "前"),
+        ("rear", "后 後"),
+    )
+    for sign in signs.split()
 }  # fmt: skip
 
 
@@ -50,7 +63,10 @@ def letters(stem: str) -> list[str]:
 
 def robot_words(stem: str) -> list[str]:
     """Words and numbers, abbreviations spelled out: `velL` as vel, left; `m1vel` as m, 1, vel."""
-    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", unaccented(stem))
+    text = unaccented(stem)
+    for sign, word in _EAST_ASIAN.items() if not text.isascii() else ():
+        text = text.replace(sign, f" {word} ")
+    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", text)
     return [word for part in parts for word in _SPELLED_OUT.get(part.lower(), (part.lower(),))]
 
 
@@ -98,7 +114,7 @@ _BESIDE_BATTERY = (
 _BESIDE_WHEELS = (
     word_set(
         "wheel wheels whl drivewhl hub base to rueda roue ruota motor mot mc esc m joint joints state states drive "
-        "angular ang rim encoder enc measured meas actual act feedback fb service delta increment"
+        "angular ang rim encoder enc measured meas actual act feedback fb service delta increment axis estimate field"
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)

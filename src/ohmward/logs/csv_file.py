@@ -141,8 +141,8 @@ def _repair(
         text = f"{counted(len(remarks), 'line')} of text left out, the first in line {line[remarks[0]]}: {excerpt!r}"
         between = any(k + 1 < len(rows) and k + 1 not in remarks for k in remarks)
         notes.append(Note(text, "warning" if between else "info"))
-        kept = sorted(set(range(len(rows))) - set(remarks))
-        rows, line = [rows[k] for k in kept], line[kept]
+        others = sorted(set(range(len(rows))) - set(remarks))
+        rows, line = [rows[k] for k in others], line[others]
     if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
         notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
         rows, line = rows[:-1], line[:-1]

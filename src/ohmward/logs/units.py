@@ -59,6 +59,8 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "°/s"),
     Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
     Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min"),
+    Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps"),
+    Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "tps", "cps", "qpps"),
     Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
     Unit("km/h", "speed", 1 / 3.6): ("km/h", "kmh", "kph"),
@@ -67,6 +69,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("g", "acceleration", 9.80665): ("g",),
     Unit("rad", "angle", 1.0): ("rad", "radian", "radians"),
     Unit("deg", "angle", math.pi / 180): ("deg", "degree", "degrees", "°"),
+    Unit("turns", "angle", 2 * math.pi): ("turns", "rev", "revs", "revolutions"),
     Unit("counts", "turn", 1.0): ("counts", "count", "ticks", "tick"),
     Unit("m", "length", 1.0): ("m", "meter", "meters", "metre", "metres"),
     Unit("cm", "length", 1e-2): ("cm",),
@@ -104,7 +107,7 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 _BEFORE = re.compile(r"^(?P<unit>rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
 # `TimeUS` of ArduPilot, `BattV`, `tempC`, `busVoltageMv`
 _CAPITALS = re.compile(
-    r"^(?P<stem>\w*?(?:[Tt]ime|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"
+    r"^(?P<stem>\w*?(?:[Tt]ime(?:stamp)?|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"
     r"|[Tt]emp(?:erature)?))(?P<unit>[uUmMnN]?S|[UMN]s|m?[VA]|M[VvAa]|[CFK])(?P<rest>)$"
 )
 # `ms`, `ms_today`: the time of a microcontroller

@@ -348,6 +348,8 @@ def wheel_speed(
             "(counts_per_turn=4096), of positions in rad --unit wheel_speed=rad, or of a way at the rim --unit "
             "wheel_speed=m"
         )
+    if unit.dimension == "turn rate":
+        return values * (2 * math.pi / mechanics.counts_per_turn / gear_ratio), ()
     if are_since_last_row(values, mechanics.counts_per_turn):
         text = f"{name!r} does not grow along the drive: read as counts since the previous row, and added up"
         speed_rad_s, _ = speed_from_counts(np.nancumsum(values), time_s, mechanics.counts_per_turn)
