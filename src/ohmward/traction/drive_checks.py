@@ -246,8 +246,8 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _without_sign(evidence: str, samples: int) -> str:
     return (
-        f"the wheel speeds are never negative, but {evidence} in {samples} samples: they have lost their sign, and way, "
-        "pose and slip are wrong there; let the logger write the sign, or cut out with --from and --to "
+        f"the wheel speeds are never negative, but {evidence} in {samples} samples: they have lost their sign, and "
+        "way, pose and slip are wrong there; let the logger write the sign, or cut out with --from and --to "
         "(FileHints(start=..., stop=...)) a part in which the robot drives forward"
     )
 

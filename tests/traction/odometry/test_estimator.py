@@ -163,3 +163,20 @@ def test_a_robot_that_turns_on_while_its_wheels_stand_does_not_spoil_the_scale_o
     std = np.sqrt(belief.cov[TURN_SCALE, TURN_SCALE])
     assert belief.mean[TURN_SCALE] == pytest.approx(1.0 / 1.5 - 1.0, abs=2.0 * std)
     assert std < 0.2
+
+
+def test_a_robot_that_is_carried_while_its_wheels_stand_is_not_where_they_say():
+    t = np.arange(0.0, 40.0, 0.05)
+    carried, speed_m_s = (t > 20.0) & (t < 30.0), np.where(t < 10.0, 0.0, 0.5)
+    wheels = np.full((t.size, 3), np.nan)
+    wheels[:, :2] = np.where(carried, 0.0, speed_m_s / 0.08)[:, None]
+    gyro = np.where(carried, 0.4, 0.0) + 0.003 * np.random.default_rng(1).normal(size=t.size)
+    log = DriveLog("carried", t, wheels, np.full((t.size, 2), np.nan), gyro)
+    found = Odometry(generic_robot(15.0, 0.08, 0.36, 0.4)).run(log).estimates
+    inside = np.abs(found.speed_m_s - speed_m_s) <= BAND_95 * np.sqrt(found.twist_cov[:, 0, 0])
+    assert inside[carried][40:].all() and inside[~carried].mean() > 0.95
+    yaw = np.cumsum(np.where(carried, 0.4, 0.0)) * 0.05
+    pose = np.array([np.sum(speed_m_s * np.cos(yaw)), np.sum(speed_m_s * np.sin(yaw))]) * 0.05
+    error = np.array([found.x_m[-1], found.y_m[-1]]) - pose
+    assert error @ np.linalg.solve(found.pose_cov[-1, :2, :2], error) < 6.0
+    assert found.position_std_m[t > 19.0][0] < 0.5 and abs(found.yaw_rad[-1] - yaw[-1]) < 0.05

@@ -102,6 +102,7 @@ class MotionState(NamedTuple):
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
     encoder: CountOfEncoder  #: count, as far as the steps have shown it
     usual_turn_rad_s: Any  #: recent average of the yaw rate by the driven wheels
+    dragged_s: Any  #: time for which they have stood while the gyro turned: the robot slides, or is lifted
     observed: Observed  #: of the speed observer
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
@@ -141,6 +142,7 @@ def no_motion(robot: Robot, late_steps: int) -> MotionState:
         np.zeros(3),
         driven,
         CountOfEncoder(),
+        0.0,
         0.0,
         Observed(0.0, 0.0, 0.0, 0.0, 0.0),
         never(4),
@@ -226,6 +228,7 @@ def sense(
         turned_rad=turned_rad,
         encoder=encoder,
         usual_turn_rad_s=before.usual_turn_rad_s,
+        dragged_s=before.dragged_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
     )
@@ -320,6 +323,8 @@ def show(
     whole = fresh & (since_s <= (LOST + 1) * usual_s)
     way = where(whole, motion * since_s - now.reckoned, motion * dt_s)
     reckoned = where(fresh, 0.0, now.reckoned + way)
+    stand = every([rim_m_s == 0.0 for rim_m_s in rims_m_s])
+    dragged_s = where(stand & speed.named & by_gyro & logical_not(observed | free), now.dragged_s + dt_s, 0.0)
     o = now.observed
     turn_observed = observed & logical_not(by_gyro)
     # Wheels slip in any turn of the robot: one that turns on while they stand drags them.
@@ -344,7 +349,7 @@ def show(
         by_gyro=by_gyro,
         comparable=by_gyro & (free | rolls & logical_not(jump | speed.named | is_held | spins)),
         count_rad=turn_per_slip(robot) * counted_m,
-        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean),
+        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean, dragged_s),
         usual_turn_rad_s=now.usual_turn_rad_s,
         straight_std_rad_s=turn_per_slip(robot)
         * hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s),
@@ -369,6 +374,7 @@ def show(
             held=held,
             reckoned=reckoned,
             usual_turn_rad_s=usual,
+            dragged_s=dragged_s,
         ),
         speed=speed,
         is_held=is_held,
@@ -458,13 +464,16 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar, clean: CleanSample) -> np.ndarray:
+def unobserved(
+    intervals: Intervals, moves: Scalar, by_gyro: Scalar, clean: CleanSample, dragged_s: Scalar
+) -> np.ndarray:
     """Time (3,) [s] since each motion was last observed, at most since the start.
 
-    A gyro with missed samples gives the yaw rate at both ends of the gap: half of the gap counts as unobserved.
+    Wheels that have stood for `dragged_s` while the gyro turned show no motion of the body. A gyro with missed samples
+    gives the yaw rate at both ends of the gap: half of the gap counts as unobserved.
     """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
-    since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))
+    since_s = where(moves, dragged_s, age_s - where(seen, 0.0, NEVER_S))
     missed = clean.gap & (clean.dt_s > (LOST + 1) * intervals.usual_s[GYRO])
     return np.array([since_s, since_s, where(by_gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
 
