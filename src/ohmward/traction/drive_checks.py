@@ -241,7 +241,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     against = np.count_nonzero(left[0] > LEAST_RAD_S**2)
     if against < FEWEST_VALUES:
         return
-    yield _without_sign("the gyro turns as if wheels turned back", against)
+    yield _without_sign("the gyro turns as if wheels turned back", int(against))
 
 
 def _without_sign(evidence: str, samples: int) -> str:
