@@ -214,21 +214,13 @@ def sense(
     latest = [
         where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
     ]
-    after = MotionState(
+    after = before._replace(
         wheel_speed_rad_s=where(taken, speed_rad_s, before.wheel_speed_rad_s),
         wheel_age_s=where(taken, 0.0, before.wheel_age_s + dt_s),
         passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
-        modes=before.modes,
-        rims=before.rims,
-        rim_m_s=before.rim_m_s,
-        outside=before.outside,
-        held=before.held,
-        reckoned=before.reckoned,
         turned_rad=turned_rad,
         encoder=encoder,
-        usual_turn_rad_s=before.usual_turn_rad_s,
-        dragged_s=before.dragged_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
     )
