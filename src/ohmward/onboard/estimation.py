@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import after_first_voltage
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, MOST_SOC_STD, SocSample
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
@@ -293,6 +294,9 @@ class Estimation:
         if math.isfinite(voltage_V):
             self._expect_another_battery(sample.time_s - self._voltage_s)
             self._voltage_s = sample.time_s
+        if self.absence and self.soc.state is None:
+            self._start_from(self.absence[1], SocSample(time_s, current_A, voltage_V, self._temperature_degC))
+            self.absence = None
         if self.absence and self._is_like_the_first(voltage_V):
             away_s, before = self.absence
             first = SocSample(away_s, current_A, voltage_V, self._temperature_degC)
@@ -313,6 +317,19 @@ class Estimation:
             )
         measured = {**sample.values, **self._taken_beside("battery")}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _start_from(self, before: SocNormal, first: SocSample) -> None:
+        """Start the filter from a charge and the first voltage, whose errors may be one: as certain as the better one.
+
+        With the variance a of the charge, and b after the voltage if nothing else is known, the charge counts with the
+        variance 1 / (1/a - 1/b), so that both together have a; not at all where b is smaller.
+        """
+        assert self.battery is not None
+        start = partial(SocEstimator, self.battery, min(max(before.soc, 0.0), 1.0), unix_s=self.unix_s)
+        by_voltage = start(initial_soc_std=MOST_SOC_STD).update(*first)
+        left = 1.0 - (before.std / by_voltage.soc_std) ** 2 if math.isfinite(first.voltage_V) else 1.0
+        if left > 0.0:
+            self.soc = start(initial_soc_std=min(before.std / math.sqrt(left), MOST_SOC_STD))
 
     def _expect_another_battery(self, silent_s: float) -> None:
         """Let the first voltage after a silence of the battery contradict the charge before it."""

@@ -6,9 +6,10 @@ std^2 = std_before^2 + (I t / Q)^2 + (c t)^2
 
 where the robot may have gone on for a while with its last current I, and electronics that are off draw a share c of the
 capacity. The filter keeps its estimate of the curve errors and their correlation with the charge: the first voltage
-after the absence has the same error as the last one before it, so that restarts add no information. If that voltage
-contradicts the charge, somebody has charged or used the battery, and the voltage alone counts. After hours that is as
-likely as not: the estimator then restarts by itself, as after any gap in which the current is unknown.
+after the absence has the same error as the last one before it, so that restarts add no information. A filter of
+another battery file or version starts afresh, no more certain than the better of that charge and that voltage. If the
+voltage contradicts the charge, somebody has charged or used the battery, and the voltage alone counts. After hours that
+is as likely as not: the estimator then restarts by itself, as after any gap in which the current is unknown.
 Speed and pose restart: the robot may have been moved.
 """
 
@@ -25,7 +26,6 @@ from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import STANDBY_PER_HOUR, after_absence
-from ohmward.battery.soc.sample import MOST_SOC_STD
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
@@ -98,8 +98,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     try:
         estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
     except InputError:
-        begin = min(max(known.soc, 0.0), 1.0), min(known.std, MOST_SOC_STD)
-        estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
+        estimation.absence = away_s, known
         return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     soc = estimation.soc
