@@ -34,6 +34,14 @@ NO_FRAMES = [{"can_id": 0x1FFFFFFF, "can_mask": 0x1FFFFFFF, "extended": True}]
 _RECEIVE_S = 0.2
 
 
+def require_wiring(dbc: str, signals: Mapping[str, object], example: str) -> None:
+    """Raise InputError for settings without a database or a signal; example: of a signal."""
+    if not dbc:
+        raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
+    if not signals:
+        raise InputError(f"signals is empty; name some: signals = {{{example}}}")
+
+
 @dataclass(frozen=True)
 class CanPort:
     """A bus as python-can names it."""

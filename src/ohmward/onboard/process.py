@@ -148,9 +148,8 @@ class Process:
             await _cancel([stopped, ended, *sources, watch])  # sources that end now are not reported as silent
             for arrival in self._arrivals.flush():
                 self._take(arrival)
-            last_s = self.state.time_s if self._own else self.now_s()
             for state in self.estimation.flush():  # as of now, maybe long after the measurement
-                self._pass_on(state._replace(time_s=max(state.time_s, last_s)))
+                self._pass_on(state if self._own else state._replace(time_s=self.now_s()))
             for _, feed in self.sinks:
                 feed.end()
             hurried, delivered = asyncio.create_task(self._hurried.wait()), asyncio.create_task(_all(sinks))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort, frames_of
+from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort, frames_of, require_wiring
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.mqtt_broker import MqttBroker
@@ -62,12 +62,10 @@ class CanOutput(CanPort):
                                 )
 
     def __post_init__(self) -> None:
-        if not self.dbc:
-            raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
+        example = 'enable = "Drive.Enable"'
+        require_wiring(self.dbc, self.signals, example)
         if "enable" not in self.signals:
-            raise InputError(
-                'signals has no "enable"; wire the signal that lets the drives turn: enable = "Drive.Enable"'
-            )
+            raise InputError(f'signals has no "enable"; wire the signal that lets the drives turn: {example}')
 
 
 @dataclass(frozen=True)

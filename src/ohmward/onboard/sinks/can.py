@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
-from ohmward.errors import InputError
-from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort
+from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort, require_wiring
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.robot_state import number_at, require_path
@@ -24,10 +23,7 @@ class CanSink(CanPort):
     name: str = "can"  #: in diagnostics
 
     def __post_init__(self) -> None:
-        if not self.dbc:
-            raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
-        if not self.signals:
-            raise InputError('signals is empty; name some: signals = {"battery.soc" = "State.SoC"}')
+        require_wiring(self.dbc, self.signals, '"battery.soc" = "State.SoC"')
         for path in self.signals:
             require_path(path)
 

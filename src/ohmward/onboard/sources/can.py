@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ohmward.errors import InputError
-from ohmward.onboard.can_bus import CanDatabase, CanDecoder, CanPort, frames_of
+from ohmward.onboard.can_bus import CanDatabase, CanDecoder, CanPort, frames_of, require_wiring
 from ohmward.onboard.message import Message, Put, Signals, Wiring
 from ohmward.onboard.part import FaultyInput
 
@@ -21,10 +20,7 @@ class CanSource(CanPort):
 
     def __post_init__(self) -> None:
         Wiring(self.signals)
-        if not self.dbc:
-            raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
-        if not self.signals:
-            raise InputError('signals is empty; name some: signals = {battery_current_A = "BMS.Current"}')
+        require_wiring(self.dbc, self.signals, 'battery_current_A = "BMS.Current"')
 
     async def run(self, put: Put) -> None:
         """Read frames until the bus fails."""
