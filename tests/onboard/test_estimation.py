@@ -297,10 +297,13 @@ def test_the_speed_follows_whatever_wheels_are_left_where_no_motor_current_is(le
     assert slip.speed_m_s < 0.5
 
 
-def test_a_battery_that_was_changed_in_a_silence_is_found_by_its_voltage():
+@pytest.mark.parametrize(
+    ("chemistry", "silent_s", "soc"), [("nmc", 20.0, 0.95), ("nmc", 0.0, 0.75), ("lfp", 20.0, 0.8), ("lfp", 5.0, 0.75)]
+)
+def test_a_battery_that_was_changed_is_found_by_its_voltage(chemistry, silent_s, soc):
     """Of twenty minutes under a changing load the filter knows its errors, which another battery does not share."""
-    battery = generic_battery("nmc", 20.0, 7)
-    curve, ohm = battery.thevenin.ocv, 0.5 * battery.thevenin.largest_ohm
+    battery = generic_battery(chemistry, 20.0, 7)
+    curve, ohm = battery.thevenin.ocv, 0.3 * battery.thevenin.largest_ohm
 
     def after(estimation, begin_s, soc, seconds):
         for k in range(seconds):
@@ -311,6 +314,9 @@ def test_a_battery_that_was_changed_in_a_silence_is_found_by_its_voltage():
 
     changed, same = Estimation(battery), Estimation(battery)
     before = after(changed, 0.0, 0.5, 1200), after(same, 0.0, 0.5, 1200)[:2]
-    assert before[0].soc_std < 0.2
-    assert abs(after(changed, 1220.0, 0.95, 120).soc - 0.95) < 0.1
-    assert after(same, 1220.0, 0.5, 120)[:2] == pytest.approx(before[1], abs=0.02)
+    assert before[0].soc_std < 0.25
+    now = after(changed, 1200.0 + silent_s, soc, 120)
+    assert changed.swaps == 1 and changed.exchanged_s < 1260.0
+    assert abs(now.soc - soc) < 2.0 * now.soc_std
+    assert after(same, 1200.0 + silent_s, 0.5, 120)[:2] == pytest.approx(before[1], abs=0.02)
+    assert same.swaps == 0

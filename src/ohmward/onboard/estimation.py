@@ -19,8 +19,8 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.exchange_watch import ExchangeWatch
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import after_first_voltage
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, MOST_SOC_STD, SocSample
@@ -35,7 +35,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.evidence import EVIDENCE
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
-from ohmward.quantities import GROUPS, SECONDS_PER_HOUR
+from ohmward.quantities import GROUPS
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
@@ -55,9 +55,6 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events reported by a person at the robot.
 CHANGED, RESET = "battery_changed", "pose_reset"
-#: Shortest silence of a battery's sensors in which somebody may have put in another battery [s]; after
-#: `CURRENT_GAP_S` the filter itself expects it.
-CHANGED_S = 10.0
 #: Length of the way home.
 HOME = "home_distance_m"
 #: Time after which a length of the way home is no longer used.
@@ -87,7 +84,7 @@ class Estimation:
         label: what is known of another battery of the same kind when it is put in; default: `battery`.
 
     Attributes:
-        swaps: number of times that another battery was put in.
+        swaps: number of times that another battery was put in, as reported or as its voltage shows.
     """
 
     def __init__(
@@ -131,8 +128,9 @@ class Estimation:
         self.late, self.late_s = 0, 0.0
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
-        #: Time of the last voltage of the battery.
-        self._voltage_s = -math.inf
+        self._exchange = ExchangeWatch()
+        #: Time at which the voltage last showed another battery.
+        self.exchanged_s = -math.inf
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
         self.absence: tuple[float, SocNormal] | None = None
         #: That voltage, until the next one is like it, nan without one: one alone may not be the battery's.
@@ -243,6 +241,7 @@ class Estimation:
         self.swaps += 1
         if self.battery and self.soc:
             self.soc, self.cells, self.absence = SocEstimator(self.battery, unix_s=self.unix_s), None, None
+            self._exchange = ExchangeWatch()
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
         if self.battery and self.range:
@@ -291,9 +290,6 @@ class Estimation:
         assert self.soc is not None
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
-        if math.isfinite(voltage_V):
-            self._expect_another_battery(sample.time_s - self._voltage_s)
-            self._voltage_s = sample.time_s
         if self.absence and self.soc.state is None:
             self._start_from(self.absence[1], SocSample(time_s, current_A, voltage_V, self._temperature_degC))
             self.absence = None
@@ -302,7 +298,12 @@ class Estimation:
             first = SocSample(away_s, current_A, voltage_V, self._temperature_degC)
             self.soc.state = after_first_voltage(self.soc.settings, self.soc.state, first, before)
             self.absence = None
-        charge = self.soc.update(time_s, current_A, voltage_V, self._temperature_degC)
+        measured = current_A, voltage_V, self._temperature_degC
+        charge = self.soc.update(time_s, *measured)
+        if self._is_of_another_battery(sample.time_s - self.state.battery_time_s, *measured):
+            self._change_battery()
+            self.exchanged_s = sample.time_s
+            charge = self.soc.update(time_s, *measured)
         if math.isfinite(current_A):
             self.last_current_A = current_A
         if self.battery:
@@ -315,8 +316,8 @@ class Estimation:
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
-        measured = {**sample.values, **self._taken_beside("battery")}
-        return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
+        values = {**sample.values, **self._taken_beside("battery")}
+        return self._after(sample.time_s, values, battery=charge, range=reach, battery_time_s=sample.time_s)
 
     def _start_from(self, before: SocNormal, first: SocSample) -> None:
         """Start the filter from a charge and the first voltage, whose errors may be one: as certain as the better one.
@@ -331,15 +332,13 @@ class Estimation:
         if left > 0.0:
             self.soc = start(initial_soc_std=min(before.std / math.sqrt(left), MOST_SOC_STD))
 
-    def _expect_another_battery(self, silent_s: float) -> None:
-        """Let the first voltage after a silence of the battery contradict the charge before it."""
-        last = self.soc.last if self.soc else None
-        if last is None or self.battery is None or not CHANGED_S <= silent_s <= CURRENT_GAP_S:
-            return
-        known_A = abs(self.last_current_A) if math.isfinite(self.last_current_A) else 0.0
-        moved = known_A * silent_s / SECONDS_PER_HOUR / self.battery.capacity_Ah
-        self.absence = silent_s, SocNormal(float(last.soc), math.hypot(float(last.soc_std), moved))
-        self._first_V = math.nan
+    def _is_of_another_battery(self, dt_s: float, current_A: float, voltage_V: float, temperature_degC: float) -> bool:
+        """True if the voltage has stepped as that of another battery does."""
+        if self.battery is None or self.soc is None or self.soc.last is None or not carries_errors(self.soc.settings):
+            return False
+        seen = dt_s, current_A, temperature_degC, voltage_V, self.soc.last, self.battery.thevenin
+        self._exchange, exchanged = self._exchange.after(*seen)
+        return exchanged
 
     def _is_like_the_first(self, voltage_V: float) -> bool:
         """True for a voltage like the one before, the first or second after an absence."""

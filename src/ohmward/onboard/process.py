@@ -52,6 +52,9 @@ END_S = 5.0
 #: delay hundreds of estimates.
 SWITCH_S = 0.0005
 
+#: Time for which an exchange of the battery is reported [s].
+EXCHANGED_FOR_S = 600.0
+
 #: Time before the recovery of a part is logged [s], if it has not failed again.
 RECOVERED_S = 2.0
 
@@ -293,6 +296,7 @@ class Process:
                 self.report(_lateness(self.now_s() - self._late_s < LATE_FOR_S, late, late_s))
             if charge := self.estimation.state.battery:
                 self.report(_fit(charge))
+                self.report(_exchange(self.now_s() - self.estimation.exchanged_s))
             if self.clock.now_s() - self._passed_s > IDLE_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
@@ -374,6 +378,17 @@ def _fit(charge: SocEstimate) -> Diagnostic:
         f"capacity of {float(charge.soh_capacity):.0%}; {OTHER_FILE}"
     )
     return Diagnostic("battery file", Level.WARN, message)
+
+
+def _exchange(ago_s: float) -> Diagnostic:
+    """Condition of the battery's voltage: whether it stepped this long ago as that of another battery does."""
+    if ago_s > EXCHANGED_FOR_S:
+        return Diagnostic("battery exchange", Level.OK, "none")
+    message = (
+        "its voltage stepped, which no load explains: another one was put in, or a cell or a wire has failed; its "
+        "charge starts from that voltage, all else from the file; put battery_changed = 1 to say so yourself"
+    )
+    return Diagnostic("battery exchange", Level.WARN, message)
 
 
 async def _deliver(sink: Sink, feed: Feed) -> None:

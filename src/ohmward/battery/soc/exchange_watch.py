@@ -1,0 +1,154 @@
+"""Another battery put in while the estimator runs, found by a step of the voltage that no load explains.
+
+The innovation before and after has the same errors of the curve, so they cancel in its change. What is left is
+
+    s^2 = v (1/n + 1/m) / 2 + (e i)^2 + (g R i_most)^2 + f^2
+
+v the mean square change from sample to sample and e the error of the resistance, both as this record shows them, i the
+change of the current, n and m the samples before and after, g a share of the largest resistance R for the slow part of
+the overpotential, f a floor. The step also has to be in the voltage itself: where the filter changes its mind about the
+state of charge, the voltage that it expects jumps alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
+
+#: Silence of the sensors in which somebody may put in another battery, in usual intervals, and shortest one [s].
+SILENT_INTERVALS, SILENT_S = 3.0, 2.0
+
+#: Steps that show another battery, in their standard deviations: after a silence, and without one.
+STEP_AFTER_SILENCE, STEP = 4.5, 12.0
+
+#: A step without a silence is looked at if one sample leaves the one before by this many standard deviations.
+LEAVES = 4.0
+
+#: Fewest and most samples after a step that are compared with those before it; weight of the newest of these.
+FEWEST, MOST, NEWEST = 3, 10, 0.2
+
+#: Samples before which the record does not know its own noise.
+LEARNS = 20
+
+#: Error of the resistance before the record shows it, least error, and after a silence, over the largest resistance.
+UNKNOWN_SHARE, LEAST_SHARE, SILENT_SHARE = 0.3, 0.03, 0.05
+
+#: Change of the voltage that says nothing, and its usual one before the record shows it, over that of a full battery.
+FLOOR, USUAL = 3e-4, 1.5e-3
+
+#: Estimates after which what was expected before no longer counts.
+_AFRESH = SocFlag.GAP | SocFlag.DIVERGED | SocFlag.RESTARTED | SocFlag.ANCHORED
+
+
+class TerminalMean(NamedTuple):
+    """A sample of the terminals, or the mean of several."""
+
+    innovation_V: float = math.nan
+    voltage_V: float = 0.0
+    current_A: float = 0.0
+
+    def moved_to(self, other: TerminalMean, weight: float) -> TerminalMean:
+        """The mean after another sample of this weight."""
+        return TerminalMean(*(a + weight * (b - a) for a, b in zip(self, other, strict=True)))
+
+    def step_V(self, other: TerminalMean, away_A: float, ohm: float) -> float:
+        """Size of the step to another level: of the innovation, as far as voltage or load moved too."""
+        seen_V = abs(other.voltage_V - self.voltage_V) + ohm * away_A
+        return min(abs(other.innovation_V - self.innovation_V), seen_V)
+
+
+class VoltageStep(NamedTuple):
+    """The samples after a suspected step."""
+
+    level: TerminalMean  #: their mean
+    n: int  #: their number
+    most_A: float  #: largest current, or change of it
+    silent: bool  #: True after a silence
+
+
+class ExchangeWatch(NamedTuple):
+    """Memory of the voltage, and of how well the filter foresees it."""
+
+    before: TerminalMean = TerminalMean()  #: mean of the last samples
+    last: TerminalMean = TerminalMean()  #: the last one
+    earlier_A: float = 0.0  #: current of the one before it, since a voltage may lag behind its current
+    interval_s: float = 0.0  #: usual time between two samples
+    variance_V2: float = 0.0  #: mean square change at a steady current
+    ohm2: float = 0.0  #: mean square error of the resistance [ohm^2]
+    samples: int = 0
+    waited_s: float = 0.0  #: time since the last sample of both
+    step: VoltageStep | None = None
+
+    def after(
+        self,
+        dt_s: float,
+        current_A: float,
+        temperature_degC: float,
+        voltage_V: float,
+        estimate: SocEstimate,
+        m: Thevenin,
+    ) -> tuple[ExchangeWatch, bool]:
+        """The watch after a sample, and whether another battery is in; it then begins afresh.
+
+        estimate: after the sample.  m: model of the battery.
+        """
+        if int(estimate.flags) & _AFRESH:
+            return ExchangeWatch(), False
+        now = TerminalMean(float(estimate.innovation_V), voltage_V, current_A)
+        dt_s += self.waited_s
+        if not all(map(math.isfinite, now)):
+            return self._replace(waited_s=dt_s), False
+        full_V = m.ocv.voltage_V[-1]
+        known = math.isfinite(temperature_degC)
+        ohm = m.largest_ohm * (m.arrhenius_factor(temperature_degC) if known else 1.0)
+        if not self.samples:
+            begun = ExchangeWatch(now, now, current_A, math.inf, (USUAL * full_V) ** 2, (UNKNOWN_SHARE * ohm) ** 2, 1)
+            return begun, False
+        away_A = max(abs(current_A - self.last.current_A), abs(current_A - self.earlier_A))
+        change_V = self.last.step_V(now, away_A, ohm)
+        error2 = self.ohm2 + (LEAST_SHARE * ohm) ** 2
+        noise2 = self.variance_V2 + (FLOOR * full_V) ** 2
+        step = self.step
+        silent = dt_s > max(SILENT_INTERVALS * self.interval_s, SILENT_S)
+        leaves = change_V > LEAVES * math.sqrt(noise2 + error2 * away_A * away_A)
+        if step is None and self.samples > LEARNS and (silent or leaves):
+            step = VoltageStep(now, 0, max(abs(self.before.current_A), abs(self.last.current_A)), silent)
+        latest = self._replace(last=now, earlier_A=self.last.current_A, waited_s=0.0)
+        if step is not None:
+            return latest.after_step(step, now, ohm, error2, full_V)
+        interval_s = dt_s if self.samples == 1 else self.interval_s + 0.05 * (min(dt_s, 60.0) - self.interval_s)
+        latest = latest._replace(
+            before=self.before.moved_to(now, NEWEST), interval_s=interval_s, samples=self.samples + 1
+        )
+        if UNKNOWN_SHARE * ohm * away_A < 2.0 * math.sqrt(noise2):
+            newest = max(0.01, 1.0 / (self.samples + 3))
+            return latest._replace(variance_V2=_moved(self.variance_V2, change_V**2, newest, 9.0 * noise2)), False
+        excess2 = max(change_V**2 - self.variance_V2, 0.0) / away_A**2
+        return latest._replace(ohm2=_moved(self.ohm2, excess2, 0.05, 9.0 * error2)), False
+
+    def after_step(
+        self, step: VoltageStep, now: TerminalMean, ohm: float, error2: float, full_V: float
+    ) -> tuple[ExchangeWatch, bool]:
+        """The watch after a sample that follows a suspected step, and whether that is one of another battery."""
+        count = step.n + 1
+        level = step.level.moved_to(now, 1.0 / count)
+        most_A = max(step.most_A, abs(now.current_A), abs(now.current_A - self.before.current_A))
+        away_A = abs(level.current_A - self.before.current_A)
+        share = SILENT_SHARE if step.silent else LEAST_SHARE
+        variance_V2 = 0.5 * self.variance_V2 * (NEWEST / (2.0 - NEWEST) + 1.0 / count)
+        variance_V2 += error2 * away_A**2 + (share * ohm * most_A) ** 2 + (FLOOR * full_V) ** 2
+        step_V = self.before.step_V(level, away_A, ohm)
+        least = STEP_AFTER_SILENCE if step.silent else STEP
+        if count >= FEWEST and step_V > least * math.sqrt(variance_V2):
+            return ExchangeWatch(), True
+        if count < MOST:
+            return self._replace(step=VoltageStep(level, count, most_A, step.silent)), False
+        return self._replace(before=level, step=None), False
+
+
+def _moved(mean: float, value: float, weight: float, most: float) -> float:
+    """Exponentially weighted mean after another value, which counts as `most` at most."""
+    return mean + weight * (min(value, most) - mean)
