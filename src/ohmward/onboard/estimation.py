@@ -32,6 +32,7 @@ from ohmward.energy.range import MissionForecast
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.errors import InputError
+from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.evidence import EVIDENCE
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
@@ -129,6 +130,7 @@ class Estimation:
         #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
         self._exchange = ExchangeWatch()
+        self.cell_loss = CellLoss(battery) if battery else None
         #: Time at which the voltage last showed another battery.
         self.exchanged_s = -math.inf
         #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
@@ -241,7 +243,7 @@ class Estimation:
         self.swaps += 1
         if self.battery and self.soc:
             self.soc, self.cells, self.absence = SocEstimator(self.battery, unix_s=self.unix_s), None, None
-            self._exchange = ExchangeWatch()
+            self._exchange, self.cell_loss = ExchangeWatch(), CellLoss(self.battery)
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
         if self.battery and self.range:
@@ -290,6 +292,8 @@ class Estimation:
         assert self.soc is not None
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
+        if self.cell_loss:
+            voltage_V = self.cell_loss.take(sample.time_s, current_A, voltage_V)
         if self.absence and self.soc.state is None:
             self._start_from(self.absence[1], SocSample(time_s, current_A, voltage_V, self._temperature_degC))
             self.absence = None

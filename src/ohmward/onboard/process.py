@@ -19,6 +19,7 @@ from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
+from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, MessageDates, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
@@ -297,6 +298,7 @@ class Process:
             if charge := self.estimation.state.battery:
                 self.report(_fit(charge))
                 self.report(_exchange(self.now_s() - self.estimation.exchanged_s))
+                self.report(_cell_loss(self.estimation.cell_loss))
             if self.clock.now_s() - self._passed_s > IDLE_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
@@ -389,6 +391,18 @@ def _exchange(ago_s: float) -> Diagnostic:
         "charge starts from that voltage, all else from the file; put battery_changed = 1 to say so yourself"
     )
     return Diagnostic("battery exchange", Level.WARN, message)
+
+
+def _cell_loss(watch: CellLoss | None) -> Diagnostic:
+    """Condition of the cells in series: whether the voltage of one has gone."""
+    lost = watch.lost if watch else 0
+    if not lost:
+        return Diagnostic("cells in series", Level.OK, "all there")
+    message = (
+        f"the voltage fell at once by that of {lost}: a cell is shorted, or a wire to it has come off; stop charging "
+        "and look at it. The charge is estimated from the other cells"
+    )
+    return Diagnostic("cells in series", Level.ERROR, message, {"lost": float(lost)})
 
 
 async def _deliver(sink: Sink, feed: Feed) -> None:
