@@ -60,7 +60,7 @@ def test_every_estimator_that_starts_from_the_first_voltage_starts_again(name):
     assert np.abs(bad.soc - good.soc)[-1] < 0.02
 
 
-@pytest.mark.parametrize(("dt_s", "wrong"), [(0.01, 1), (0.01, 100), (0.1, 10), (1.0, 3), (10.0, 1)])
+@pytest.mark.parametrize(("dt_s", "wrong"), [(0.01, 1), (0.01, 100), (0.1, 10), (1.0, 3), (10.0, 1), (10.0, 4)])
 def test_a_wrong_start_is_found_at_every_rate(dt_s, wrong):
     truth, battery = mission("lfp", dt_s=dt_s), battery_of("lfp")
     good, bad = (SocEstimator(battery, TRUE_SOC).run(log_of(truth, v, wrong)) for v in (None, 8.0))

@@ -41,6 +41,8 @@ JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
 
 #: One that jumped is used once it has lasted for this long [s]: three samples in a row of a log at 0.1 Hz.
 JUMP_LASTS_S = 30.0
+#: A start is settled after that time, and this many samples: a few wrong ones at 0.1 Hz last as long.
+SETTLED_AFTER = 10
 
 
 class HeldVoltage(NamedTuple):
@@ -95,6 +97,7 @@ class StartWatch(NamedTuple):
     now: CircuitInput = CircuitInput(0.0, ROOM_DEGC)  #: current and temperature of the last sample
     current_A: Scalar = 0.0  #: of the sample before the last
     age_s: Scalar = 0.0  #: time since the start
+    samples: int = 1  #: their number since the start
     lasts_s: Scalar = 0.0  #: time from the start to the last voltage like the first
     other_V: Scalar = math.nan  #: one that jumped away
     other_s: Scalar = 0.0  #: time for which it has lasted
@@ -107,12 +110,13 @@ class StartWatch(NamedTuple):
         clean = sanitize(sample, self.now, sample_limits(model))
         if math.isnan(self.voltage_V) or clean.dt_s > JUMP_S:
             return None, False
-        watch = self._replace(now=clean.now, current_A=self.now.current_A, age_s=self.age_s + clean.dt_s)
+        age_s, samples = self.age_s + clean.dt_s, self.samples + 1
+        watch = self._replace(now=clean.now, current_A=self.now.current_A, age_s=age_s, samples=samples)
         if not clean.voltage_measured:
             return watch, False
         if is_alike(clean, self.voltage_V, self.current_A, model):
             alike = watch._replace(voltage_V=clean.voltage_V, lasts_s=watch.age_s, other_V=math.nan)
-            return (alike if watch.age_s < JUMP_LASTS_S else None), False
+            return (alike if age_s < JUMP_LASTS_S or samples < SETTLED_AFTER else None), False
         again = is_alike(clean, self.other_V, self.current_A, model)
         watch = watch._replace(other_V=clean.voltage_V, other_s=self.other_s + clean.dt_s if again else 0.0)
         return watch, bool(watch.other_s > watch.lasts_s)
@@ -157,7 +161,7 @@ def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
     settled = np.flatnonzero(elapsed_s >= JUMP_LASTS_S)
     if not settled.size:
         return False
-    until = slice(0, int(settled[0]) + 1)
+    until = slice(0, max(int(settled[0]) + 1, SETTLED_AFTER))
     steps_s = samples.dt_s[until][1:]
     regular = bool(np.all((steps_s >= 0.0) & (steps_s <= JUMP_S)))
     return regular and bool(np.ptp(samples.voltage_V[until]) <= JUMP_SHARE * model.ocv.voltage_V[-1])
