@@ -5,6 +5,7 @@ import re
 import pytest
 
 from ohmward import generic_battery
+from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sensor_watch import MISSED_S, MOST_SENSORS, SensorWatch
 from ohmward.traction.robot.packaged import RLMA
@@ -109,6 +110,34 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
     robot.run(16.0, 19.0)
     assert robot.wrong() == {}
     assert math.isfinite(robot.clean[-1][signal])
+
+
+@pytest.mark.parametrize("degC", [25.0, -15.0])
+@pytest.mark.parametrize(
+    ("factor", "ratio", "fix"),
+    [
+        (10.0, 0.6, "tenths of an ampere? then scale = 0.1"),
+        (0.1, 1.6, "then scale = 10"),
+        (1.0, 0.2, ""),
+        (1.0, 5.0, ""),
+    ],
+)
+def test_a_current_of_another_unit_from_the_start_is_named_with_a_label(degC, factor, ratio, fix):
+    """A cell has `ratio` of the resistance of its label."""
+    battery, draw = generic_battery("nmc", 20.0, 7), random.Random(1)
+    ohm = ratio * float(ohmic_resistance(0.5, CircuitInput(0.0, degC), battery.thevenin))
+    watch = SensorWatch(battery)
+    for k in range(3000):
+        t = 0.1 * k
+        current = -2.0 - 3.0 * (t % 6.0 > 3.0)
+        values = {
+            "battery_current_A": factor * (current + draw.gauss(0.0, 0.02)),
+            "battery_voltage_V": 25.9 + ohm * current + draw.gauss(0.0, 0.002),
+            "battery_temperature_degC": degC + draw.gauss(0.0, 0.1),
+        }
+        watch.take("bms", t, t, values)
+        wrong = [d.message for d in watch.look(t) if d.level != Level.OK]
+    assert len(wrong) == bool(fix) and all(text.endswith(fix) for text in wrong)
 
 
 @pytest.mark.parametrize(("factor", "message"), [(-1.0, "wrong sign.*scale = -1"), (10.0, "then scale = 0.1")])

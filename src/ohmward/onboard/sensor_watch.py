@@ -70,7 +70,8 @@ LATE_S = 0.5
 MOST_SENSORS = 1000
 
 #: Quantities that are compared with each other in the running process, and how often [s].
-_COMPARED, _COMPARE_S = ("battery_current_A", "battery_voltage_V", "wheel_speed_rad_s", "yaw_rate_rad_s"), 5.0
+_BATTERY = ("battery_current_A", "battery_voltage_V", "battery_temperature_degC")
+_COMPARED, _COMPARE_S = (*_BATTERY, "wheel_speed_rad_s", "yaw_rate_rad_s"), 5.0
 
 #: Weight of the newest interval in the usual one.
 _NEWEST_WEIGHT = 0.05

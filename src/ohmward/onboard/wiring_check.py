@@ -17,6 +17,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.battery.soc.clean_sample import is_temperature
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.onboard.message import no_such_part, unmeasured_wheels, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
@@ -46,6 +47,8 @@ _SPACING_S = 0.05
 #: Usual resistance: weight of the newest, largest factor from it of one that shows the current to be right, and longest
 #: interval between samples that show it [s].
 _RESISTANCE_WEIGHT, _CERTAINLY_ALIKE, _ALIKE_S = 0.2, 2.5, 10.0
+#: Checks in a row that show about the same resistance until it counts as lasting.
+_LASTING_CHECKS = 20
 
 
 class SignalRecord(NamedTuple):
@@ -202,8 +205,9 @@ class CurrentCheck:
 
     def __init__(self, battery: Battery):
         self.usual_ohm = math.nan
+        self._alike = 0
         self._limits_V = limits_of("battery_voltage_V", battery)
-        self._file_ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), battery.thevenin))
+        self._model = battery.thevenin
 
     def findings(self, found: Mapping[str, SignalRecord]) -> list[Diagnostic]:
         """Findings about a current with recorded voltages; OK only where it is known to be right."""
@@ -221,10 +225,15 @@ class CurrentCheck:
             current.rate_hz * _ALIKE_S >= 1.0 and self._limits_V.lowest <= voltage.median <= self._limits_V.highest
         ):
             measured_ohm = math.nan
+        temperature = found.get("battery_temperature_degC")
+        known = temperature is not None and bool(is_temperature(temperature.median))
+        u = CircuitInput(0.0, temperature.median if temperature and known else ROOM_DEGC)
+        file_ohm = float(ohmic_resistance(0.5, u, self._model))
+        lasts = known and self._alike >= _LASTING_CHECKS
         findings = [
             *check_wrapped(current.values, answered_V),
             *check_current_sign(evidence, "setup"),
-            *check_size(measured_ohm, self._file_ohm, self.usual_ohm),
+            *check_size(measured_ohm, file_ohm, self.usual_ohm, lasts),
         ]
         levels = {"error": Level.ERROR, "info": Level.WARN}
         if findings:
@@ -232,7 +241,9 @@ class CurrentCheck:
         if math.isfinite(measured_ohm):
             ratio = measured_ohm / self.usual_ohm if math.isfinite(self.usual_ohm) else 1.0
             if not 1.0 / _CERTAINLY_ALIKE <= ratio <= _CERTAINLY_ALIKE:
+                self._alike = 0
                 return []
+            self._alike += 1
             self.usual_ohm = measured_ohm * ratio ** (_RESISTANCE_WEIGHT - 1.0)
         return [Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")]
 

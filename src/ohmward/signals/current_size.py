@@ -45,6 +45,8 @@ _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: Largest factor between the resistance that a current shows and the battery file's, and between that and the one it
 #: showed before: of measured cells in windows of half a minute up to 9 and 7, cold, sampled late and nearly empty.
 _FROM_FILE, _FROM_BEFORE = 50.0, 6.5
+#: The same from the file's at the measured temperature, where it lasts: 0.15 to 1.8 over labels, of nine cells.
+_FROM_FILE_LASTING = 10.0
 
 
 #: A charge that the current sensor does not show.
@@ -184,15 +186,16 @@ def _count_by_phase(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     return count if coherence[best] >= _COHERENT and count >= _FEWEST_WRAPPED else 0
 
 
-def check_size(measured_ohm: float, file_ohm: float, usual_ohm: float) -> Iterator[Finding]:
+def check_size(measured_ohm: float, file_ohm: float, usual_ohm: float, lasts: bool = False) -> Iterator[Finding]:
     """A finding on a current that is a power of ten too large or too small.
 
     measured_ohm: dV/dI of the last samples [ohm], nan if they do not show it.  file_ohm: by the battery file.
-    usual_ohm: dV/dI of the samples before [ohm], nan if unknown.
+    usual_ohm: dV/dI of the samples before [ohm], nan if unknown.  lasts: True where it has been that for minutes, and
+        file_ohm is that at the measured temperature.
     """
     for most, other_ohm, whose in (
         (_FROM_BEFORE, usual_ohm, "what it was before"),
-        (_FROM_FILE, file_ohm, "that of the battery file"),
+        (_FROM_FILE_LASTING if lasts else _FROM_FILE, file_ohm, "that of the battery file"),
     ):
         ratio = measured_ohm / other_ohm
         if not 1.0 / most <= ratio <= most and np.isfinite(ratio):
