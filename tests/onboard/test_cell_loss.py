@@ -1,6 +1,7 @@
 """A cell that is lost in use, and falls of the voltage that are none."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -59,7 +60,8 @@ def test_another_fall_is_no_lost_cell(other):
 def test_the_charge_goes_on_without_a_lost_cell(chemistry, n):
     battery = generic_battery(chemistry, 20.0, n)
     open_V = float(battery.thevenin.ocv.mean_V(0.6, 25.0))
-    whole, short = Estimation(battery), Estimation(battery)
+    whole: Any = Estimation(battery)
+    short: Any = Estimation(battery)
     for k in range(600):
         current_A = -1.0 - 2.0 * (k // 10 % 2)
         voltage_V = open_V + 0.3 * battery.thevenin.largest_ohm * current_A

@@ -20,7 +20,6 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.exchange_watch import ExchangeWatch
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import after_first_voltage
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, MOST_SOC_STD, SocSample
@@ -34,6 +33,7 @@ from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.errors import InputError
 from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.evidence import EVIDENCE
+from ohmward.onboard.exchange_watch import ExchangeWatch
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS

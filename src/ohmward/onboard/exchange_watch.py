@@ -6,8 +6,10 @@ The innovation before and after has the same errors of the curve, so they cancel
 
 v the mean square change from sample to sample and e the error of the resistance, both as this record shows them, i the
 change of the current, n and m the samples before and after, g a share of the largest resistance R for the slow part of
-the overpotential, f a floor. The step also has to be in the voltage itself: where the filter changes its mind about the
-state of charge, the voltage that it expects jumps alone.
+the overpotential, f a floor. Without a silence, a large share of R counts for any change of the load: an exchange is
+rare then, and near empty the resistance is another one. The step also has to be in the voltage itself, since the
+voltage that a filter expects jumps where it changes its mind about the state of charge; and it has to stay, which the
+fall towards empty and the relaxation after a load do not.
 """
 
 from __future__ import annotations
@@ -35,6 +37,9 @@ LEARNS = 20
 
 #: Error of the resistance before the record shows it, least error, and after a silence, over the largest resistance.
 UNKNOWN_SHARE, LEAST_SHARE, SILENT_SHARE = 0.3, 0.03, 0.05
+
+#: Parts of a step by which the innovation may move after its first sample, and may have moved before it.
+STAYS, STEADY = 0.5, 0.33
 
 #: Change of the voltage that says nothing, and its usual one before the record shows it, over that of a full battery.
 FLOOR, USUAL = 3e-4, 1.5e-3
@@ -65,7 +70,10 @@ class VoltageStep(NamedTuple):
 
     level: TerminalMean  #: their mean
     n: int  #: their number
-    most_A: float  #: largest current, or change of it
+    first_V: float  #: innovation at the first of them
+    before_V: float  #: distance of the last innovation before them from those before it
+    most_A: float  #: largest current
+    away_A: float  #: largest distance of the current from that before
     silent: bool  #: True after a silence
 
 
@@ -115,14 +123,13 @@ class ExchangeWatch(NamedTuple):
         silent = dt_s > max(SILENT_INTERVALS * self.interval_s, SILENT_S)
         leaves = change_V > LEAVES * math.sqrt(noise2 + error2 * away_A * away_A)
         if step is None and self.samples > LEARNS and (silent or leaves):
-            step = VoltageStep(now, 0, max(abs(self.before.current_A), abs(self.last.current_A)), silent)
-        latest = self._replace(last=now, earlier_A=self.last.current_A, waited_s=0.0)
+            before_V = abs(self.last.innovation_V - self.before.innovation_V)
+            step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A), 0.0, silent)
+        interval_s = dt_s if self.samples == 1 else self.interval_s + 0.05 * (min(dt_s, 60.0) - self.interval_s)
+        latest = self._replace(last=now, earlier_A=self.last.current_A, interval_s=interval_s, waited_s=0.0)
         if step is not None:
             return latest.after_step(step, now, ohm, error2, full_V)
-        interval_s = dt_s if self.samples == 1 else self.interval_s + 0.05 * (min(dt_s, 60.0) - self.interval_s)
-        latest = latest._replace(
-            before=self.before.moved_to(now, NEWEST), interval_s=interval_s, samples=self.samples + 1
-        )
+        latest = latest._replace(before=self.before.moved_to(now, NEWEST), samples=self.samples + 1)
         if UNKNOWN_SHARE * ohm * away_A < 2.0 * math.sqrt(noise2):
             newest = max(0.01, 1.0 / (self.samples + 3))
             return latest._replace(variance_V2=_moved(self.variance_V2, change_V**2, newest, 9.0 * noise2)), False
@@ -133,19 +140,24 @@ class ExchangeWatch(NamedTuple):
         self, step: VoltageStep, now: TerminalMean, ohm: float, error2: float, full_V: float
     ) -> tuple[ExchangeWatch, bool]:
         """The watch after a sample that follows a suspected step, and whether that is one of another battery."""
-        count = step.n + 1
-        level = step.level.moved_to(now, 1.0 / count)
-        most_A = max(step.most_A, abs(now.current_A), abs(now.current_A - self.before.current_A))
-        away_A = abs(level.current_A - self.before.current_A)
-        share = SILENT_SHARE if step.silent else LEAST_SHARE
-        variance_V2 = 0.5 * self.variance_V2 * (NEWEST / (2.0 - NEWEST) + 1.0 / count)
-        variance_V2 += error2 * away_A**2 + (share * ohm * most_A) ** 2 + (FLOOR * full_V) ** 2
-        step_V = self.before.step_V(level, away_A, ohm)
+        n = step.n + 1
+        level = step.level.moved_to(now, 1.0 / n)
+        most_A = max(step.most_A, abs(now.current_A))
+        away_A = max(step.away_A, abs(now.current_A - self.before.current_A))
+        mean_away_A = abs(level.current_A - self.before.current_A)
+        if step.silent:
+            slow_V = SILENT_SHARE * ohm * max(most_A, away_A)
+        else:
+            slow_V = ohm * math.hypot(LEAST_SHARE * most_A, UNKNOWN_SHARE * away_A)
+        variance_V2 = 0.5 * self.variance_V2 * (NEWEST / (2.0 - NEWEST) + 1.0 / n)
+        variance_V2 += error2 * mean_away_A**2 + slow_V**2 + (FLOOR * full_V) ** 2
+        step_V = self.before.step_V(level, mean_away_A, ohm)
+        stays = abs(now.innovation_V - step.first_V) < STAYS * step_V and step.before_V < STEADY * step_V
         least = STEP_AFTER_SILENCE if step.silent else STEP
-        if count >= FEWEST and step_V > least * math.sqrt(variance_V2):
+        if n >= FEWEST and stays and step_V > least * math.sqrt(variance_V2):
             return ExchangeWatch(), True
-        if count < MOST:
-            return self._replace(step=VoltageStep(level, count, most_A, step.silent)), False
+        if n < MOST:
+            return self._replace(step=step._replace(level=level, n=n, most_A=most_A, away_A=away_A)), False
         return self._replace(before=level, step=None), False
 
 

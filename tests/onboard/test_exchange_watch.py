@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.soc.exchange_watch import ExchangeWatch
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.onboard.exchange_watch import ExchangeWatch
 
 MODEL = generic_battery("lfp", 20.0, 8).thevenin
 OHM = 0.3 * MODEL.largest_ohm
