@@ -8,6 +8,7 @@ import pytest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.resume import remember, resume
 
 BATTERY = generic_battery("lfp", 20.0, 8)
 PACK_V, OHM = 26.4, 0.02
@@ -69,3 +70,9 @@ def test_the_charge_goes_on_without_a_lost_cell(chemistry, n):
             estimation.put(float(k), {"battery_current_A": current_A, "battery_voltage_V": share * voltage_V})
     assert short.cell_loss.lost == 1 and short.swaps == 0
     assert short.state.battery[:2] == pytest.approx(whole.state.battery[:2], abs=0.01)
+    content = remember(short, 600.0)
+    for away_s, lost in ((20.0, 1), (3600.0, 0)):
+        after: Any = Estimation(battery)
+        assert resume(after, content, away_s, 5.0) == []
+        assert after.cell_loss.lost == lost
+    assert "cells_lost" in resume(Estimation(battery), content | {"cells_lost": n}, 20.0, 5.0)[0]

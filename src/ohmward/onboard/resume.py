@@ -68,6 +68,7 @@ def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
         content["charge"] = {"soc": charge.soc, "std": charge.soc_std, "current_A": current_A}
         content["battery"] = {name: getattr(estimation.battery, name) for name in _Label.__annotations__}
         content |= {"soc": soc.snapshot(), "time_s": time_s + estimation.shift_s}
+        content["cells_lost"] = estimation.cell_loss.lost if estimation.cell_loss else 0
     if estimation.cells and estimation.cells.last:
         content["cells"] = estimation.cells.snapshot()
     if estimation.range and math.isfinite(estimation.range.time_s):
@@ -89,6 +90,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     away_s = UNKNOWN_S if math.isnan(away_s) else away_s
     try:
         charge, label = _charge_of(content)
+        lost = _cells_lost(content, label)
     except InputError as error:
         return [f"the snapshot cannot be used: {error}"]
     if _is_another(label, estimation.battery):
@@ -100,6 +102,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     except InputError:
         estimation.absence = away_s, known
         return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
+    if estimation.cell_loss and away_s <= SHORT_ABSENCE_S:  # in a longer one the pack may have been repaired
+        estimation.cell_loss.lost = lost
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     soc = estimation.soc
     if SHORT_ABSENCE_S < away_s <= soc.known_gap_s and carries_errors(soc.settings):
@@ -136,6 +140,13 @@ def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
     require_positive("battery.capacity_Ah", label["capacity_Ah"])
     require_between("time_s", typed(float, "time_s", content.get("time_s")), -_MOST_S, _MOST_S)
     return charge, label
+
+
+def _cells_lost(content: Mapping[str, Any], label: _Label) -> int:
+    """Number of lost cells in a snapshot; raise InputError if the pack cannot have lost so many."""
+    lost: int = typed(int, "cells_lost", content.get("cells_lost", 0))
+    require_between("cells_lost", lost, 0, label["n_series"] - 1)
+    return lost
 
 
 def _is_another(label: _Label, battery: Battery) -> bool:
