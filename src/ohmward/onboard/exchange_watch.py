@@ -1,4 +1,4 @@
-"""Another battery put in while the estimator runs, found by a step of the voltage that no load explains.
+"""Another battery put in while the estimator runs, found by a step of the voltage over a silence of the sensors.
 
 The innovation before and after has the same errors of the curve, so they cancel in its change. What is left is
 
@@ -6,10 +6,9 @@ The innovation before and after has the same errors of the curve, so they cancel
 
 v the mean square change from sample to sample and e the error of the resistance, both as this record shows them, i the
 change of the current, n and m the samples before and after, g a share of the largest resistance R for the slow part of
-the overpotential, f a floor. Without a silence, a large share of R counts for any change of the load: an exchange is
-rare then, and near empty the resistance is another one. The step also has to be in the voltage itself, since the
-voltage that a filter expects jumps where it changes its mind about the state of charge; and it has to stay, which the
-fall towards empty and the relaxation after a load do not.
+the overpotential, f a floor. The step also has to be in the voltage itself, since the voltage that a filter expects
+jumps where it changes its mind about the state of charge; and it has to stay, which the fall towards empty and the
+relaxation after a load do not.
 """
 
 from __future__ import annotations
@@ -20,14 +19,12 @@ from typing import NamedTuple
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 
-#: Silence of the sensors in which somebody may put in another battery, in usual intervals, and shortest one [s].
+#: Silence of the sensors in which somebody may put in another battery, in usual intervals, and shortest one [s]. A step
+#: without one is no exchange: near empty, and in the cold, the end of a load lets the voltage rise as far.
 SILENT_INTERVALS, SILENT_S = 3.0, 2.0
 
-#: Steps that show another battery, in their standard deviations: after a silence, and without one.
-STEP_AFTER_SILENCE, STEP = 4.5, 12.0
-
-#: A step without a silence is looked at if one sample leaves the one before by this many standard deviations.
-LEAVES = 4.0
+#: Step that shows another battery, in its standard deviations.
+STEP = 4.5
 
 #: Fewest and most samples after a step that are compared with those before it; weight of the newest of these.
 FEWEST, MOST, NEWEST = 3, 10, 0.2
@@ -35,8 +32,8 @@ FEWEST, MOST, NEWEST = 3, 10, 0.2
 #: Samples before which the record does not know its own noise.
 LEARNS = 20
 
-#: Error of the resistance before the record shows it, least error, and after a silence, over the largest resistance.
-UNKNOWN_SHARE, LEAST_SHARE, SILENT_SHARE = 0.3, 0.03, 0.05
+#: Error of the resistance before the record shows it, least error, and that of its slow part, over the largest one.
+UNKNOWN_SHARE, LEAST_SHARE, SLOW_SHARE = 0.3, 0.03, 0.05
 
 #: Parts of a step by which the innovation may move after its first sample, and may have moved before it.
 STAYS, STEADY = 0.5, 0.33
@@ -66,15 +63,13 @@ class TerminalMean(NamedTuple):
 
 
 class VoltageStep(NamedTuple):
-    """The samples after a suspected step."""
+    """The samples after a silence."""
 
     level: TerminalMean  #: their mean
     n: int  #: their number
     first_V: float  #: innovation at the first of them
     before_V: float  #: distance of the last innovation before them from those before it
-    most_A: float  #: largest current
-    away_A: float  #: largest distance of the current from that before
-    silent: bool  #: True after a silence
+    most_A: float  #: largest current, or change of it
 
 
 class ExchangeWatch(NamedTuple):
@@ -120,11 +115,10 @@ class ExchangeWatch(NamedTuple):
         error2 = self.ohm2 + (LEAST_SHARE * ohm) ** 2
         noise2 = self.variance_V2 + (FLOOR * full_V) ** 2
         step = self.step
-        silent = dt_s > max(SILENT_INTERVALS * self.interval_s, SILENT_S)
-        leaves = change_V > LEAVES * math.sqrt(noise2 + error2 * away_A * away_A)
-        if step is None and self.samples > LEARNS and (silent or leaves):
+        is_silent = dt_s > max(SILENT_INTERVALS * self.interval_s, SILENT_S)
+        if step is None and self.samples > LEARNS and is_silent:
             before_V = abs(self.last.innovation_V - self.before.innovation_V)
-            step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A), 0.0, silent)
+            step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A))
         interval_s = dt_s if self.samples == 1 else self.interval_s + 0.05 * (min(dt_s, 60.0) - self.interval_s)
         latest = self._replace(last=now, earlier_A=self.last.current_A, interval_s=interval_s, waited_s=0.0)
         if step is not None:
@@ -139,25 +133,19 @@ class ExchangeWatch(NamedTuple):
     def after_step(
         self, step: VoltageStep, now: TerminalMean, ohm: float, error2: float, full_V: float
     ) -> tuple[ExchangeWatch, bool]:
-        """The watch after a sample that follows a suspected step, and whether that is one of another battery."""
+        """The watch after a sample that follows a silence, and whether the step over it is one of another battery."""
         n = step.n + 1
         level = step.level.moved_to(now, 1.0 / n)
-        most_A = max(step.most_A, abs(now.current_A))
-        away_A = max(step.away_A, abs(now.current_A - self.before.current_A))
-        mean_away_A = abs(level.current_A - self.before.current_A)
-        if step.silent:
-            slow_V = SILENT_SHARE * ohm * max(most_A, away_A)
-        else:
-            slow_V = ohm * math.hypot(LEAST_SHARE * most_A, UNKNOWN_SHARE * away_A)
+        most_A = max(step.most_A, abs(now.current_A), abs(now.current_A - self.before.current_A))
+        away_A = abs(level.current_A - self.before.current_A)
         variance_V2 = 0.5 * self.variance_V2 * (NEWEST / (2.0 - NEWEST) + 1.0 / n)
-        variance_V2 += error2 * mean_away_A**2 + slow_V**2 + (FLOOR * full_V) ** 2
-        step_V = self.before.step_V(level, mean_away_A, ohm)
+        variance_V2 += error2 * away_A**2 + (SLOW_SHARE * ohm * most_A) ** 2 + (FLOOR * full_V) ** 2
+        step_V = self.before.step_V(level, away_A, ohm)
         stays = abs(now.innovation_V - step.first_V) < STAYS * step_V and step.before_V < STEADY * step_V
-        least = STEP_AFTER_SILENCE if step.silent else STEP
-        if n >= FEWEST and stays and step_V > least * math.sqrt(variance_V2):
+        if n >= FEWEST and stays and step_V > STEP * math.sqrt(variance_V2):
             return ExchangeWatch(), True
         if n < MOST:
-            return self._replace(step=step._replace(level=level, n=n, most_A=most_A, away_A=away_A)), False
+            return self._replace(step=step._replace(level=level, n=n, most_A=most_A)), False
         return self._replace(before=level, step=None), False
 
 
