@@ -87,6 +87,8 @@ class Quantity(NamedTuple):
 
 def unaccented(text: str) -> str:
     """The text without accents, as many loggers write it: `tensão` as `tensao`."""
+    if text.isascii():
+        return text
     return "".join(char for char in unicodedata.normalize("NFKD", text) if not unicodedata.combining(char))
 
 

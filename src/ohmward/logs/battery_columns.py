@@ -149,6 +149,7 @@ _DISCHARGE = OUT | _DISCHARGING_CURRENT | _DISCHARGE_NOUNS
 _MOST_AT_ONCE = 0.05
 _FLOWS = 0.05
 _POWER = word_set("power p leistung watts active vermogen 功率 電力 전력")
+_POWERS = words_of(*_POWER)
 _CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
 _CURRENT_OF_POWER = "pack current"
 #: A current without a sign gets that of the power if the ratio of their sizes varies by less than this share, and if
@@ -261,7 +262,7 @@ def _is_power(name: str) -> bool:
 
 def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
     """True where the name has a word of the direction and otherwise those of a battery's current or power."""
-    naming = CURRENT.words if of is CURRENT.default else words_of(*_POWER)
+    naming = CURRENT.words if of is CURRENT.default else _POWERS
     alone = _CHARGING_CURRENT | _DISCHARGING_CURRENT if of is CURRENT.default else ()
     for stem, unit in split_unit(name):
         if unit is not None and unit.dimension != of.dimension:
