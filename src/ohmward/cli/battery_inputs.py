@@ -259,5 +259,6 @@ def _named(word: str) -> list[str]:
 
 def _recording_of(file: Path, folder: Path) -> str:
     """The folder of the recording that a file is a part of, else the file."""
-    inner = file.parent != folder and file.name.endswith(RECORDING_ENDINGS) and file in parts_of(file.parent)
+    parts = parts_of(file.parent) if file.name.endswith((*RECORDING_ENDINGS, "metadata.yaml")) else ()
+    inner = file.parent != folder and (file in parts or (parts and file.name == "metadata.yaml"))
     return str(file.parent if inner else file)
