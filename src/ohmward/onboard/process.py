@@ -387,8 +387,8 @@ def _exchange(ago_s: float) -> Diagnostic:
     if ago_s > EXCHANGED_FOR_S:
         return Diagnostic("battery exchange", Level.OK, "none")
     message = (
-        "its voltage stepped, which no load explains: another one was put in, or a cell or a wire has failed; its "
-        "charge starts from that voltage, all else from the file; put battery_changed = 1 to say so yourself"
+        "its voltage stepped over a silence, which no load explains: another one was put in, or a cell or a wire has "
+        "failed; its charge starts from that voltage, all else from the file; put battery_changed = 1 to say so yourself"
     )
     return Diagnostic("battery exchange", Level.WARN, message)
 

@@ -45,7 +45,7 @@ _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: Largest factor between the resistance that a current shows and the battery file's, and between that and the one it
 #: showed before: of measured cells in windows of half a minute up to 9 and 7, cold, sampled late and nearly empty.
 _FROM_FILE, _FROM_BEFORE = 50.0, 6.5
-#: The same from the file's at the measured temperature, where it lasts: 0.15 to 1.8 over labels, of nine cells.
+#: The same from the file's at the measured temperature, where it lasts: 0.15 to 1.8 over labels, of six cells.
 _FROM_FILE_LASTING = 10.0
 
 
