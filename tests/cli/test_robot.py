@@ -1,5 +1,6 @@
 """`ohmward robot`: files of sizes, URDFs and names."""
 
+import argparse
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 from logs.bags.examples import joint_states, twists, write_mcap
 from ohmward.cli.main import main
+from ohmward.cli.robot import add_arguments
 from ohmward.logs import write_table
 from ohmward.traction import load_robot
-from ohmward.traction.robot.packaged import PACKAGED, generic_robot
+from ohmward.traction.robot.packaged import LAYOUTS, PACKAGED, generic_robot
 from ohmward.traction.robot.robot import ROBOT_FILE
 
 
@@ -20,6 +22,15 @@ def test_sizes_become_a_file(as_json, tmp_path):
     assert ROBOT_FILE.dump(robot) == ROBOT_FILE.dump(generic_robot(12.0, 0.06, 0.3, name="cart"))
     assert first["backup"] is None and second["backup"].endswith(".bak")
     assert [wheel["name"] for wheel in first["wheels"] if wheel["driven"]] == ["left", "right"]
+
+
+def test_the_help_explains_every_layout_and_another_is_refused(monkeypatch, refused):
+    monkeypatch.setenv("COLUMNS", "2000")
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    assert all(f" {layout}: " in parser.format_help() for layout in LAYOUTS)
+    words = ("robot", "--radius", "0.06", "--track", "0.3", "--mass", "12", "--layout", "tank")
+    assert f"layout must be one of {', '.join(LAYOUTS)}, got 'tank'" in refused(*words)
 
 
 @pytest.mark.parametrize("name", PACKAGED)

@@ -40,10 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout",
         default="two-wheel",
-        choices=("two-wheel", "skid-steer", "car", "tricycle", "mecanum", "omni"),
-        help="two driven wheels and a caster (default), also for a car with encoders at both rear wheels; four driven "
-        "wheels or tracks; a car with one speed, of its motor, and a steering angle; a tricycle whose front wheel is "
-        "driven and steered; four wheels with rollers at 45 degrees; three omni-wheels",
+        metavar="NAME",
+        help="two-wheel: two driven wheels and a caster (default), also for a car with encoders at both rear wheels; "
+        "skid-steer: four driven wheels or tracks; car: one speed, of its motor, and a steering angle; tricycle: its "
+        "front wheel is driven and steered; mecanum: four wheels with rollers at 45 degrees; omni: three omni-wheels",
     )
     parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
     add_truth_options(parser)
