@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ohmward.traction import RobotInput, forces, scene
@@ -10,6 +10,7 @@ from traction.examples import HARD, ROBOTS, TERRAINS
 
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("ground", TERRAINS)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**31), grade=st.floats(-0.3, 0.3), bank=st.floats(-0.3, 0.3), drawbar=st.floats(-50, 50))
 def test_in_every_state_losses_are_losses_and_the_balance_closes(name, ground, seed, grade, bank, drawbar):
     robot, rng = ROBOTS[name], np.random.default_rng(seed)
