@@ -265,7 +265,11 @@ def test_low_rate_branches_tell_the_hysteresis_of_iron_phosphate():
     phases = [(600.0, 0.0, 10.0), *[(30.0, -2.4, 1.0), (20.0, 2.0, 1.0)] * 220, (900.0, 0.0, 10.0)]
     drive = play(p, *steps(phases), soc=1.0, name="drive")
     battery = identify(
-        [*low_rate_logs(p), drive], capacity_Ah=p.capacity_Ah, chemistry="lfp", initial_soc={"drive": 1.0}
+        [*low_rate_logs(p), drive],
+        capacity_Ah=p.capacity_Ah,
+        chemistry="lfp",
+        initial_soc={"drive": 1.0},
+        model="thevenin-2rc",
     )
     middle = slice(40, 160)
     assert battery.thevenin.ocv.hysteresis_V[middle] == pytest.approx(p.ocv.hysteresis_V[middle], rel=0.1)

@@ -39,12 +39,15 @@ def test_leaf_at_other_temperatures(log, rms_V, middle_ohm):
     assert np.mean(battery.thevenin.r0_discharge_ohm[6:19]) == pytest.approx(middle_ohm, rel=0.25)
 
 
-@pytest.mark.parametrize("degC, bias_mV", [(5, 40), (25, 25), (45, 30)])
-def test_a123_from_one_half_reproduces_the_other(degC, bias_mV):
+@pytest.mark.parametrize(
+    "degC, bias_mV, model", [(5, 40, "thevenin-2rc"), (25, 25, "thevenin"), (45, 30, "thevenin-2rc")]
+)
+def test_a123_from_one_half_reproduces_the_other(degC, bias_mV, model):
     sweeps = [measured(A123 + "ocv.parquet", where={"temp_C": degC, "script": script}) for script in (1, 3)]
     drive = measured(A123 + "dyn.parquet", where={"temp_C": degC, "script": 1})
     found = identify_in_detail(
-        [*sweeps, drive.select(slice(0, len(drive) // 2))], IdentificationSettings(2.03, chemistry="lfp")
+        [*sweeps, drive.select(slice(0, len(drive) // 2))],
+        IdentificationSettings(2.03, chemistry="lfp", model=model),
     )
     assert found.battery.identification.logs[0].residual_rms_V < 0.004
     error_V, part = voltage_error_V(found.battery.thevenin, drive, 2.03, found.first_ocv)
