@@ -67,7 +67,7 @@ def tested_lfp():
     slow, drives = measured("plett_a123_lfp/a123_ocv.parquet"), measured("plett_a123_lfp/a123_dyn.parquet")
     drive, charge = (part(drives, script, -1.0) for script in (1.0, 3.0))
     tests = [part(slow, 1.0), part(slow, 3.0), drive.select(slice(0, len(drive) // 2))]
-    return identify(tests, capacity_Ah=2.03, chemistry="lfp"), charge
+    return identify(tests, capacity_Ah=2.03, chemistry="lfp", model="thevenin-2rc"), charge
 
 
 @pytest.mark.parametrize("start", [0.0, None])
