@@ -88,6 +88,7 @@ def test_live_samples_and_a_whole_log_are_the_same(tmp_path):
     np.testing.assert_array_equal(one_by_one, np.concatenate(pair))
 
 
+@pytest.mark.usefixtures("quickly_compiled")
 def test_the_vectors_of_a_robot_pass_with_arrays_in_sample_and_output(tmp_path):
     export = observer_export(RLMA, hard_terrain("dry asphalt"), "ekf", "speed")
     copy, samples = made(export, tmp_path), export.samples.astype(np.float32)

@@ -12,7 +12,6 @@ from needs import needs_gcc
 from ohmward.battery.soc.registry import available
 from ohmward.embedded import Twin, controller_export, library, observer_export, write_library
 from ohmward.embedded.traction import CONTROLLERS
-from ohmward.embedded.twin import FLAGS
 from ohmward.traction import RLMA, hard_terrain
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
@@ -21,7 +20,6 @@ TRIALS, WILD_STEPS, GOOD_STEPS = 20, 100, 1000
 BATTERY = np.array([1.0, -1.0, 13.2, 25.0])
 DRIVE = np.array([0.01, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1, *[np.nan] * 6])
 WHEEL = np.array([0.1, 1.0, 5.0, 0.4, 0.0, 0.0, np.nan, np.nan, 0.001])
-QUICKLY_COMPILED = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)
 #: Not these: textbook-joint believes any current, as published; rc-kf, and rc-aukf which feeds it, overflow singles by
 #: months, time and again.
 NOT_THESE = {"textbook-joint", "published.rc-kf", "published.rc-aukf"}
@@ -61,8 +59,8 @@ def wild(rng, good):
 
 @pytest.mark.filterwarnings("ignore:invalid value encountered in cast:RuntimeWarning")
 @pytest.mark.parametrize("name", EXPORTS)
-def test_numbers_come_back_after_any_samples(name, tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.embedded.twin.FLAGS", QUICKLY_COMPILED)
+@pytest.mark.usefixtures("quickly_compiled")
+def test_numbers_come_back_after_any_samples(name, tmp_path):
     files, good, output = EXPORTS[name]
     write_library(files(), tmp_path)
     twin, rng = Twin(tmp_path), np.random.default_rng(0)
