@@ -26,12 +26,9 @@ from ohmward.trace.structure import check, flatten, leaves, size
 
 LOWERINGS = ("auto", "python", "machine")
 
-#: Number of steps of a log from which machine code is faster although it must be compiled first.
+#: Number of steps of all logs of a kernel together from which machine code is faster although it must be compiled
+#: first: 0.2 s for 1,500 operations, 0.6 s for 4,500, 1.5 s for 10,400, where one in Python takes 40, 100 and 200 us.
 WORTH_STEPS = 10_000
-#: The same number holds for all logs of a kernel together if the program has at most this many operations. The time to
-#: compile larger ones grows with the square: 0.4 s for 1,700 operations, 1.4 s for 5,000, 4.5 s for 6,800, 10 s for
-#: 10,700, where a step in Python takes 55, 190, 220 and 300 us.
-USUAL_OPERATIONS = 4_000
 #: Number of steps of all lanes of one call together from which machine code is faster.
 WORTH_LANE_STEPS = 400_000
 
@@ -98,9 +95,8 @@ class Kernel:
         """
         worth = self._at_hand
         if not worth:
-            length, _ = self._steps(samples)
-            self._scanned += length
-            worth = length >= WORTH_STEPS or self._scanned >= self._worth_scanned
+            self._scanned += self._steps(samples)[0]
+            worth = self._scanned >= WORTH_STEPS
         return self._run(
             lambda: llvm_logs.run_log(self._one_machine, state, samples, progress, at_end),
             lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress, at_end),
@@ -204,11 +200,6 @@ class Kernel:
         pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
         length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
         return length, max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
-
-    @property
-    def _worth_scanned(self) -> float:
-        """Number of steps of all logs together from which machine code pays for its compilation."""
-        return WORTH_STEPS * max(1.0, len(self.program.nodes) / USUAL_OPERATIONS) ** 2
 
     @cached_property
     def _call(self) -> Callable[..., Any]:

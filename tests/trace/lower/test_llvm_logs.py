@@ -84,17 +84,6 @@ def test_auto_takes_machine_code_once_the_logs_of_a_kernel_pay_for_it(monkeypatc
     assert "machine" in vars(automatic)
 
 
-def test_a_large_program_needs_more_steps(monkeypatch):
-    automatic = Kernel(step, START, SAMPLE, lowering="auto")
-    monkeypatch.setattr(kernel, "WORTH_STEPS", 20)
-    monkeypatch.setattr(kernel, "USUAL_OPERATIONS", len(automatic.program.nodes) / 2)
-    for _ in range(7):
-        automatic.scan(START, samples(11))
-    assert "machine" not in vars(automatic)
-    automatic.scan(START, samples(3))
-    assert "machine" in vars(automatic)
-
-
 def test_auto_takes_machine_code_for_many_lanes(monkeypatch):
     monkeypatch.setattr(kernel, "WORTH_LANE_STEPS", 90)
     automatic = Kernel(step, START, SAMPLE, lowering="auto")
