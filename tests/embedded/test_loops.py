@@ -102,7 +102,7 @@ def test_other_filters_have_no_loops_and_say_which_have():
     with pytest.raises(InputError, match="ekf has no loops, only textbook-ekf, textbook-ukf, textbook-joint have"):
         soc_export("ekf", style="loops")
     with pytest.raises(InputError, match="style must be one of lines, loops, got 'rolled'"):
-        soc_export("textbook-ekf", style="rolled")  # type: ignore[arg-type]
+        soc_export("textbook-ekf", style="rolled")
 
 
 def test_loops_fit_where_the_straight_line_does_not():
