@@ -214,14 +214,14 @@ class PackEstimator:
         of_typical = replace(log, voltage_V=pack_V)
         samples = samples_of(of_typical, self.typical.time_s)
         soc_run = self.typical.run(of_typical, progress)
-        lanes = CellSample(
+        of_cells = CellSample(
             samples.dt_s,
             samples.current_A,
             self.settings.n_series * cells_V,
             samples.temperature_degC,
             _typical_cell(soc_run.estimates, pack_V),
         )
-        cells = self._scan(lanes)
+        cells = self._scan(of_cells)
         estimates = self._estimate(soc_run.estimates, cells)
         self.last = row_of(estimates, -1)
         return PackRun(log.time_s, estimates, time.perf_counter() - began, names or found, soc_run, of_typical)
