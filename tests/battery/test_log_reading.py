@@ -61,10 +61,11 @@ def test_the_sign_of_a_log_does_not_depend_on_the_logs_beside_it(tmp_path, sign)
     """Logs with equal columns that show the other sign, as of a robot whose sensor is wired the other way."""
     others = [write(tmp_path, f"{k}.csv", pulses(-sign)) for k in range(3)]
     path = write(tmp_path, "ramp.csv", ramp(sign))
-    job = Job(BATTERY_FILE.dump(BATTERY))
+    job = Job(BATTERY_FILE.dump(BATTERY), "coulomb")
     (alone,) = job.run([path])
     assert alone["error"] is None
     assert job.run([*others, path])[-1] == alone
-    unfit = Job(BATTERY_FILE.dump(ow.generic_battery("lfp", 10.0)))
-    assert "--current-sign" in unfit.run([path])[0]["error"]
-    assert unfit.run([*others, path])[-1] == unfit.run([path])[0]
+    unfit = Job(BATTERY_FILE.dump(ow.generic_battery("lfp", 10.0)), "coulomb")
+    (refused,) = unfit.run([path])
+    assert "--current-sign" in refused["error"]
+    assert unfit.run([*others, path])[-1] == refused
