@@ -388,7 +388,7 @@ def _exchange(ago_s: float) -> Diagnostic:
         return Diagnostic("battery exchange", Level.OK, "none")
     message = (
         "its voltage stepped over a silence, which no load explains: another one was put in, or a cell or a wire has "
-        "failed; its charge starts from that voltage, all else from the file; put battery_changed = 1 to say so yourself"
+        "failed; its charge starts from that voltage, all else from the file; battery_changed = 1 says so at once"
     )
     return Diagnostic("battery exchange", Level.WARN, message)
 
