@@ -11,6 +11,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.traction import ROBOTINO, save_robot
+from ohmward.traction.robot.packaged import generic_robot
 
 
 @pytest.fixture
@@ -85,6 +86,13 @@ def test_a_robot_has_filters_and_controllers(what, tmp_path, capsys):
 @pytest.mark.parametrize("robot", ["husky", "TurtleBot4"])
 def test_every_robot_of_the_package_has_a_controller(robot, tmp_path):
     assert main(["export", robot, "--filter", "speed-controller", "--name", "wheel", "-o", str(tmp_path)]) == 0
+
+
+def test_a_robot_whose_currents_do_not_show_its_speed_has_no_observer_of_them(tmp_path, capsys):
+    save_robot(generic_robot(300.0, 0.12, 0.6, wheelbase_m=1.2, layout="tricycle"), tmp_path / "tricycle.toml")
+    for robot in ("husky", str(tmp_path / "tricycle.toml")):
+        assert main(["export", robot, "-o", str(tmp_path / "out")]) == 2
+        assert "--filter odometry" in capsys.readouterr().err
 
 
 def test_a_robot_file_is_known_by_its_format(tmp_path, capsys):

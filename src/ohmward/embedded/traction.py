@@ -20,6 +20,7 @@ from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import FILTERS
@@ -52,7 +53,7 @@ def robot_export(robot: Robot, filter_name: str, name: str, terrain: str) -> Exp
     terrain: name of the ground that the observer assumes at first.
 
     Raises:
-        InputError: no such filter or ground, or wheels that scrub.
+        InputError: no such filter or ground, or no observer for this robot.
     """
     if filter_name in CONTROLLERS:
         return controller_export(robot, filter_name, name)
@@ -65,10 +66,15 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
     """Speed observer with encoders and motor currents; it starts at rest.
 
     Raises:
-        InputError: no such filter, or wheels that scrub.
+        InputError: no such filter, or a robot that scrubs or steers.
     """
     if filter_name not in FILTERS:
         raise InputError(f"filter must be one of {', '.join((*FILTERS, ODOMETRY, *CONTROLLERS))}, got {filter_name!r}")
+    if robot.chassis.scrubs or isinstance(robot.chassis, Steered):
+        raise InputError(
+            f"{robot.name}: motor currents do not show the speed of a robot that scrubs or steers; export its pose and "
+            f"speed by wheels and gyro, --filter {ODOMETRY}"
+        )
     method, matching = FILTERS[filter_name]
     observer = SpeedObserver(scene(robot, terrain), method=method, matching=matching)
     at_rest = {"wheel_speed_rad_s": np.zeros(len(robot.places)), "current_A": np.zeros(robot.driven)}
