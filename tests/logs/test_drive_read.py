@@ -162,7 +162,7 @@ def test_recordings_are_chosen(write):
     [
         ({"t": TIME, "wl": [1, 2, "x", 4, 5], "wr": ONE}, {}, "line 4, column 'wl': 'x' is not a number"),
         ({"t": TIME, "enc_l": ONE, "enc_r": ONE}, {}, "counts the turns.*--counts-per-turn"),
-        ({"t": TIME, "v_l": ONE, "v_r": ONE}, {}, "give the radius of the wheels"),
+        ({"t": TIME, "v_l": ONE, "v_r": ONE}, {}, "give the wheels' radius"),
         ({"t": TIME, "wl": ONE, "wr": ONE}, {"radius_m": -1.0}, "radius_m must be"),
         ({"wl": ONE, "wr": ONE}, {}, "no column for the time found"),
         ({"t": TIME, "wl": [""] * 5, "wr": [""] * 5}, {}, "no row has the speed"),

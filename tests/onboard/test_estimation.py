@@ -298,7 +298,7 @@ def test_the_speed_follows_whatever_wheels_are_left_where_no_motor_current_is(le
 
 
 @pytest.mark.parametrize(
-    ("chemistry", "silent_s", "soc"), [("nmc", 20.0, 0.95), ("nmc", 0.0, 0.75), ("lfp", 20.0, 0.8), ("lfp", 5.0, 0.75)]
+    ("chemistry", "silent_s", "soc"), [("nmc", 20.0, 0.95), ("nmc", 5.0, 0.75), ("lfp", 20.0, 0.8), ("lfp", 5.0, 0.75)]
 )
 def test_a_battery_that_was_changed_is_found_by_its_voltage(chemistry, silent_s, soc):
     """Of twenty minutes under a changing load the filter knows its errors, which another battery does not share."""

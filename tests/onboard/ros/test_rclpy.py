@@ -294,7 +294,7 @@ def test_a_signal_while_the_node_begins_leaves_no_traceback(robot, start, after_
     time.sleep(after_s)
     node.send_signal(signal.SIGINT)
     _, error = node.communicate(timeout=PATIENCE_S)
-    assert "ohmward" not in error or "Traceback" not in error
+    assert "in main" not in error  # a busy computer may not have begun it by then
 
 
 #: What is raised in a callback of the garbage collection the interpreter prints, and goes on.
