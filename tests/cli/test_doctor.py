@@ -152,6 +152,13 @@ def test_a_drive_is_examined(here, as_json, capsys):
     assert "wheel left" in capsys.readouterr().out
 
 
+def test_a_drive_with_a_speed_from_outside_shows_the_sizes_of_its_robot(here, as_json):
+    head, *rows = _drive_text().splitlines()
+    text = "\n".join([f"{head},gnss_speed_m_s", *(f"{row},0.1" for row in rows), ""])
+    Path("drive.csv").write_text(text, encoding="utf-8")
+    assert as_json("doctor", "drive.csv")["next"][0] == "ohmward robot drive.csv --mass KG -o robot.toml"
+
+
 def test_a_drive_is_checked_with_its_robot(here, as_json):
     Path("drive.csv").write_text(_drive_text().replace("velL_rad_s", "velL_rpm"), encoding="utf-8")
     found = as_json("doctor", "drive.csv", "--robot", "rlma", "--unit", "wheel_speed=rpm")

@@ -65,11 +65,12 @@ class GivenFiles(NamedTuple):
             return []
         return [f"ohmward generic --chemistry CHEMISTRY --capacity-ah AH --n-series N -o {self.battery}"]
 
-    def make_robot(self) -> list[str]:
-        """The command that makes the robot file, if there is none."""
+    def make_robot(self, path: str, drive: DriveLog) -> list[str]:
+        """The command that makes the robot file, if there is none; a speed from outside shows its sizes."""
         if kind_of(self.robot) == ROBOT_FILE.noun or Path(self.robot).exists():
             return []
-        return [f"ohmward robot --radius M --track M --mass KG -o {self.robot}"]
+        sizes = "--radius M --track M" if drive.speed_m_s is None else shlex.quote(path)
+        return [f"ohmward robot {sizes} --mass KG -o {self.robot}"]
 
     def next_command(self, command: str, path: str, *options: str) -> str:
         """A command on a log, with the options by which it was read, and further ones."""
@@ -207,7 +208,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         )
     if drive is not None:
         of_drive = examine_drive(drive, places)
-        commands = [*given.make_robot(), given.next_command("slip", path, "--robot", given.robot)]
+        commands = [*given.make_robot(path, drive), given.next_command("slip", path, "--robot", given.robot)]
         if log is not None:
             of_robot = ("--robot", given.robot, "--battery", given.battery)
             commands.append(given.next_command("mission", path, *of_robot))
