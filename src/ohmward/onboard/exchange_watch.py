@@ -21,25 +21,25 @@ from ohmward.battery.soc.sample import SocEstimate, SocFlag
 
 #: Silence of the sensors in which somebody may put in another battery, in usual intervals, and shortest one [s]. A step
 #: without one is no exchange: near empty, and in the cold, the end of a load lets the voltage rise as far.
-SILENT_INTERVALS, SILENT_S = 3.0, 2.0
+EXCHANGE_INTERVALS, EXCHANGE_S = 3.0, 2.0
 
 #: Step that shows another battery, in its standard deviations.
-STEP = 4.5
+EXCHANGE_SIGMAS = 4.5
 
 #: Fewest and most samples after a step that are compared with those before it; weight of the newest of these.
-FEWEST, MOST, NEWEST = 3, 10, 0.2
+FEWEST_AFTER, MOST_AFTER, NEWEST_SAMPLE = 3, 10, 0.2
 
 #: Samples before which the record does not know its own noise.
 LEARNS = 20
 
 #: Error of the resistance before the record shows it, least error, and that of its slow part, over the largest one.
-UNKNOWN_SHARE, LEAST_SHARE, SLOW_SHARE = 0.3, 0.03, 0.05
+UNKNOWN_OHM_SHARE, LEAST_OHM_SHARE, SLOW_OHM_SHARE = 0.3, 0.03, 0.05
 
 #: Parts of a step by which the innovation may move after its first sample, and may have moved before it.
-STAYS, STEADY = 0.5, 0.33
+STAYS_AFTER, STEADY_BEFORE = 0.5, 0.33
 
 #: Change of the voltage that says nothing, and its usual one before the record shows it, over that of a full battery.
-FLOOR, USUAL = 3e-4, 1.5e-3
+FLOOR_SHARE, USUAL = 3e-4, 1.5e-3
 
 #: Estimates after which what was expected before no longer counts.
 _AFRESH = SocFlag.GAP | SocFlag.DIVERGED | SocFlag.RESTARTED | SocFlag.ANCHORED
@@ -108,14 +108,16 @@ class ExchangeWatch(NamedTuple):
         known = math.isfinite(temperature_degC)
         ohm = m.largest_ohm * (m.arrhenius_factor(temperature_degC) if known else 1.0)
         if not self.samples:
-            begun = ExchangeWatch(now, now, current_A, math.inf, (USUAL * full_V) ** 2, (UNKNOWN_SHARE * ohm) ** 2, 1)
+            begun = ExchangeWatch(
+                now, now, current_A, math.inf, (USUAL * full_V) ** 2, (UNKNOWN_OHM_SHARE * ohm) ** 2, 1
+            )
             return begun, False
         away_A = max(abs(current_A - self.last.current_A), abs(current_A - self.earlier_A))
         change_V = self.last.step_V(now, away_A, ohm)
-        error2 = self.ohm2 + (LEAST_SHARE * ohm) ** 2
-        noise2 = self.variance_V2 + (FLOOR * full_V) ** 2
+        error2 = self.ohm2 + (LEAST_OHM_SHARE * ohm) ** 2
+        noise2 = self.variance_V2 + (FLOOR_SHARE * full_V) ** 2
         step = self.step
-        is_silent = dt_s > max(SILENT_INTERVALS * self.interval_s, SILENT_S)
+        is_silent = dt_s > max(EXCHANGE_INTERVALS * self.interval_s, EXCHANGE_S)
         if step is None and self.samples > LEARNS and is_silent:
             before_V = abs(self.last.innovation_V - self.before.innovation_V)
             step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A))
@@ -123,8 +125,8 @@ class ExchangeWatch(NamedTuple):
         latest = self._replace(last=now, earlier_A=self.last.current_A, interval_s=interval_s, waited_s=0.0)
         if step is not None:
             return latest.after_step(step, now, ohm, error2, full_V)
-        latest = latest._replace(before=self.before.moved_to(now, NEWEST), samples=self.samples + 1)
-        if UNKNOWN_SHARE * ohm * away_A < 2.0 * math.sqrt(noise2):
+        latest = latest._replace(before=self.before.moved_to(now, NEWEST_SAMPLE), samples=self.samples + 1)
+        if UNKNOWN_OHM_SHARE * ohm * away_A < 2.0 * math.sqrt(noise2):
             newest = max(0.01, 1.0 / (self.samples + 3))
             return latest._replace(variance_V2=_moved(self.variance_V2, change_V**2, newest, 9.0 * noise2)), False
         excess2 = max(change_V**2 - self.variance_V2, 0.0) / away_A**2
@@ -138,13 +140,13 @@ class ExchangeWatch(NamedTuple):
         level = step.level.moved_to(now, 1.0 / n)
         most_A = max(step.most_A, abs(now.current_A), abs(now.current_A - self.before.current_A))
         away_A = abs(level.current_A - self.before.current_A)
-        variance_V2 = 0.5 * self.variance_V2 * (NEWEST / (2.0 - NEWEST) + 1.0 / n)
-        variance_V2 += error2 * away_A**2 + (SLOW_SHARE * ohm * most_A) ** 2 + (FLOOR * full_V) ** 2
+        variance_V2 = 0.5 * self.variance_V2 * (NEWEST_SAMPLE / (2.0 - NEWEST_SAMPLE) + 1.0 / n)
+        variance_V2 += error2 * away_A**2 + (SLOW_OHM_SHARE * ohm * most_A) ** 2 + (FLOOR_SHARE * full_V) ** 2
         step_V = self.before.step_V(level, away_A, ohm)
-        stays = abs(now.innovation_V - step.first_V) < STAYS * step_V and step.before_V < STEADY * step_V
-        if n >= FEWEST and stays and step_V > STEP * math.sqrt(variance_V2):
+        stays = abs(now.innovation_V - step.first_V) < STAYS_AFTER * step_V and step.before_V < STEADY_BEFORE * step_V
+        if n >= FEWEST_AFTER and stays and step_V > EXCHANGE_SIGMAS * math.sqrt(variance_V2):
             return ExchangeWatch(), True
-        if n < MOST:
+        if n < MOST_AFTER:
             return self._replace(step=step._replace(level=level, n=n, most_A=most_A)), False
         return self._replace(before=level, step=None), False
 

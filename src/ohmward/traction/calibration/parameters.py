@@ -81,7 +81,7 @@ def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
 #: Number of drives from which groups are drives.
 FEWEST_DRIVES = 10
 #: Least residual over y, for drives without noise: with less, the priors are lost in rounding.
-_ROUNDING = 1e-7
+_LEAST_RESIDUAL = 1e-7
 
 
 class Regression(NamedTuple):
@@ -104,7 +104,7 @@ def regress(A: np.ndarray, y: np.ndarray, drive: np.ndarray, prior: np.ndarray, 
     """
     P0_inv = np.diag(1 / prior_std**2)
     beta = np.linalg.lstsq(A, y, rcond=None)[0]
-    least = max(_ROUNDING * float(np.sqrt(np.mean(y**2))), 1e-12)
+    least = max(_LEAST_RESIDUAL * float(np.sqrt(np.mean(y**2))), 1e-12)
     for _ in range(20):
         std = max(float(np.sqrt(np.mean((y - A @ beta) ** 2))), least)
         H = A.T @ A / std**2 + P0_inv

@@ -107,7 +107,7 @@ LENGTH_S = 1.0
 #: Largest difference of the sides' speeds by the robot's turning, as a share of its speed, where it drives straight.
 STRAIGHT_SHARE = 0.1
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share; largest one at rest.
-SLOWEST_M_S, STEADY_SHARE, REST_M_S = 0.02, 0.3, 0.002
+SLOWEST_M_S, STEADY_SHARE, PARKED_M_S = 0.02, 0.3, 0.002
 
 
 class Stretches(NamedTuple):
@@ -199,7 +199,7 @@ def _of_drive(
         weight = parabola(t[part])
         mean = _mean(rim[part], weight)
         speed = np.abs(_mean(pace[part], weight)).max() if turning else travel_speed(mean)
-        rests = turning and np.nanmax(np.abs(pace[part])) <= REST_M_S
+        rests = turning and np.nanmax(np.abs(pace[part])) <= PARKED_M_S
         turns = speed >= SLOWEST_M_S and (not steady or _change(pace[part]) <= STEADY_SHARE * speed)
         if turns or rests:
             yield (
