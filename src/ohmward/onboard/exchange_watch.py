@@ -39,7 +39,7 @@ UNKNOWN_OHM_SHARE, LEAST_OHM_SHARE, SLOW_OHM_SHARE = 0.3, 0.03, 0.05
 STAYS_AFTER, STEADY_BEFORE = 0.5, 0.33
 
 #: Change of the voltage that says nothing, and its usual one before the record shows it, over that of a full battery.
-FLOOR_SHARE, USUAL = 3e-4, 1.5e-3
+FLOOR_SHARE, USUAL_CHANGE = 3e-4, 1.5e-3
 
 #: Estimates after which what was expected before no longer counts.
 _AFRESH = SocFlag.GAP | SocFlag.DIVERGED | SocFlag.RESTARTED | SocFlag.ANCHORED
@@ -109,7 +109,7 @@ class ExchangeWatch(NamedTuple):
         ohm = m.largest_ohm * (m.arrhenius_factor(temperature_degC) if known else 1.0)
         if not self.samples:
             begun = ExchangeWatch(
-                now, now, current_A, math.inf, (USUAL * full_V) ** 2, (UNKNOWN_OHM_SHARE * ohm) ** 2, 1
+                now, now, current_A, math.inf, (USUAL_CHANGE * full_V) ** 2, (UNKNOWN_OHM_SHARE * ohm) ** 2, 1
             )
             return begun, False
         away_A = max(abs(current_A - self.last.current_A), abs(current_A - self.earlier_A))
