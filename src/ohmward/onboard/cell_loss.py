@@ -7,7 +7,7 @@ import math
 from ohmward.battery.battery import Battery
 
 #: The voltage falls by that of one cell, within this share of it, while the load moves it by no more than this share.
-_WITHIN, _BY_LOAD = 0.15, 0.1
+_WITHIN_CELL, _BY_LOAD = 0.15, 0.1
 #: The step is between two samples at most this far apart [s], and lasts for this time and number of samples: a silence
 #: may be an exchange of the battery, and a glitch ends.
 _APART_S, _LASTS_S, _SAMPLES = 3.0, 2.0, 3
@@ -47,7 +47,7 @@ class CellLoss:
         cell_V = self._voltage_V / (self._n - self.lost)
         by_load = self._ohm * abs(current_A - self._current_A) > _BY_LOAD * cell_V
         change = (voltage_V - self._voltage_V) / cell_V
-        if not 0.0 <= since_s <= _APART_S or by_load or not abs(abs(change) - 1.0) < _WITHIN:
+        if not 0.0 <= since_s <= _APART_S or by_load or not abs(abs(change) - 1.0) < _WITHIN_CELL:
             return 0
         return 1 if change > 0.0 else -1
 
