@@ -81,7 +81,7 @@ def test_paths_count_from_the_folder_of_the_scenario(tmp_path):
 @pytest.mark.parametrize(
     "file, message",
     [
-        ("nowhere.toml", "my.toml: .*nowhere.toml: cannot be read .*; check the path$"),
+        ("nowhere.toml", "my.toml: .*nowhere.toml: cannot be read .*; check the path, or make one"),
         ("robot.toml", "my.toml: .*robot.toml: this is a robot file; give a battery file"),
         ("battery.csv", r"my.toml: battery.file must be a battery file \(.toml\), got 'battery.csv'$"),
     ],
