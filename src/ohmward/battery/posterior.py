@@ -146,8 +146,9 @@ def gauss_newton(
     """
     here = problem(x)
     for _ in range(most_steps):
-        H = hessian(here, prior)
-        step = minimum(H, here.columns.T @ here.residual + prior.information - prior.precision @ x, x) - x
+        columns = here.columns
+        H = hessian(columns, prior)
+        step = minimum(H, columns.T @ here.residual + prior.information - prior.precision @ x, x) - x
         shorter = 1.0
         for _ in range(_MOST_HALVINGS):
             there = problem(x + shorter * step)
@@ -162,9 +163,11 @@ def gauss_newton(
     return x, here
 
 
-def hessian(rows: Tangent, prior: Gaussian) -> np.ndarray:
-    """(K, K) Hessian of half the cost, by Gauss and Newton: the posterior precision."""
-    columns = rows.columns
+def hessian(columns: np.ndarray, prior: Gaussian) -> np.ndarray:
+    """(K, K) Hessian of half the cost, by Gauss and Newton: the posterior precision.
+
+    columns: (M, K) of the rows.
+    """
     return columns.T @ columns + prior.precision
 
 

@@ -219,7 +219,7 @@ class CircuitSolution:
     @cached_property
     def precision(self) -> np.ndarray:
         """(K, K) posterior precision of x."""
-        return hessian(self.rows, self.prior)
+        return hessian(self.rows.columns, self.prior)
 
     @cached_property
     def cov(self) -> np.ndarray:

@@ -100,7 +100,7 @@ def solve(
         if misfit is not None or found <= _SAME_MISFIT * factor:
             break
         factor = found
-    H, cost = hessian(there, density), there.cost + density.cost(x)
+    H, cost = hessian(there.columns, density), there.cost + density.cost(x)
     errors = there.residual_V, there.variance_V2, part.weight / factor
     return Solution(x, H, np.linalg.inv(H), cost, *errors, factor, there.charge)
 
