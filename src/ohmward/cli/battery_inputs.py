@@ -25,7 +25,7 @@ from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.filters.estimator import row_of
 from ohmward.logs import FileHints, Log
-from ohmward.logs.bags.bag_table import parts_of
+from ohmward.logs.bags.bag_table import METADATA, parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.log import ReadOptions
@@ -259,6 +259,7 @@ def _named(word: str) -> list[str]:
 
 def _recording_of(file: Path, folder: Path) -> str:
     """The folder of the recording that a file is a part of, else the file."""
-    parts = parts_of(file.parent) if file.name.endswith((*RECORDING_ENDINGS, "metadata.yaml")) else ()
-    inner = file.parent != folder and (file in parts or (parts and file.name == "metadata.yaml"))
-    return str(file.parent if inner else file)
+    if file.parent == folder or not file.name.endswith((*RECORDING_ENDINGS, METADATA)):
+        return str(file)
+    parts = parts_of(file.parent)
+    return str(file.parent if file in parts or (parts and file.name == METADATA) else file)

@@ -105,7 +105,7 @@ _OPENERS = {
     rosbag1_file.MAGIC: rosbag1_file.open_rosbag1,
     sqlite_file.MAGIC: sqlite_file.open_sqlite,
 }
-_METADATA = "metadata.yaml"
+METADATA = "metadata.yaml"
 
 
 def is_recording(path: Path) -> bool:
@@ -137,7 +137,7 @@ def parts_of(folder: Path) -> list[Path]:
         packed = [
             path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in RECORDING_ENDINGS))
         ]
-        described = (folder / _METADATA).exists()
+        described = (folder / METADATA).exists()
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from error
     if packed and described:
