@@ -226,9 +226,9 @@ class CurrentCheck:
         ):
             measured_ohm = math.nan
         temperature = found.get("battery_temperature_degC")
-        known = temperature is not None and bool(is_temperature(temperature.median))
-        u = CircuitInput(0.0, temperature.median if temperature and known else ROOM_DEGC)
-        file_ohm = float(ohmic_resistance(0.5, u, self._model))
+        degC = temperature.median if temperature else math.nan
+        known = bool(is_temperature(degC))
+        file_ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, degC if known else ROOM_DEGC), self._model))
         lasts = known and self._alike >= _LASTING_CHECKS
         findings = [
             *check_wrapped(current.values, answered_V),

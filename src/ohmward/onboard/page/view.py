@@ -106,9 +106,11 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
         "high": high,
         "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %{_since(state)}.",
         **{q.field: state.sample.get(q.name, math.nan) for q in of_battery if q.words and q.estimated_from},
-        **{name: getattr(charge, name) for name in ("soh_capacity", "resistance_ratio", "flags")},
+        "soh_capacity": charge.soh_capacity,
         "soh_capacity_band": BAND_95 * charge.soh_capacity_std,
+        "resistance_ratio": charge.resistance_ratio,
         "resistance_ratio_band": BAND_95 * charge.resistance_ratio_std,
+        "flags": charge.flags,
         "beside": [*(_reading(q, state.sample) for q in beside), *_cells(state)],
     }
 
