@@ -41,7 +41,7 @@ def test_it_writes_a_library_and_says_what_it_takes(battery, tmp_path, capsys):
         (["--flash-kb", "2"], "more than the 2048 there are"),
         (["--style", "loops"], "ekf has no loops, only textbook-ekf, textbook-ukf, textbook-joint have"),
         (["--terrain", "ice"], "is the ground under a robot, and .* is a battery"),
-        (["--truth", "soc"], "are of the logs that --score names"),
+        (["--truth", "soc"], "no logs are scored without --score; leave out --truth"),
         (["--curve-error", "1"], "a curve error is for textbook-ekf, textbook-ukf"),
         (["--initial-soc", "80"], "0 to 1|between 0 and 1"),
     ],
@@ -59,10 +59,10 @@ def test_a_small_filter_of_loops_and_lines(battery, tmp_path, capsys):
     assert (figures["style"], figures["curve_error_mV"]) == ("loops", 1.0) and "curve within" in figures["title"]
 
 
-@pytest.mark.parametrize("options", [["--style", "loops"], ["--curve-error", "1"]])
-def test_a_robot_has_neither_loops_nor_a_curve(options, tmp_path, capsys):
+@pytest.mark.parametrize("options", [["--style", "loops"], ["--curve-error", "1"], ["--initial-soc", "0.5"]])
+def test_a_robot_has_neither_loops_nor_a_curve_nor_a_charge(options, tmp_path, capsys):
     assert main(["export", "rlma", *options, "-o", str(tmp_path / "out")]) == 2
-    assert re.search("has no loops|leave out --curve-error", capsys.readouterr().err)
+    assert f"leave out {options[0]}" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -6,6 +6,7 @@ import argparse
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
@@ -16,8 +17,8 @@ from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import fields, paragraphs, table
 from ohmward.embedded import blind
-from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
-from ohmward.embedded.c_library import check_fits, library, size, write_library
+from ohmward.embedded.battery import battery_export, curve_error_of_pack_V
+from ohmward.embedded.c_library import Export, check_fits, library, size, write_library
 from ohmward.embedded.export import SMALL, symbol_of
 from ohmward.embedded.python_file import python_file
 from ohmward.embedded.traction import robot_export
@@ -27,85 +28,85 @@ from ohmward.toml_file import noun_of
 from ohmward.traction import load_robot
 from ohmward.traction.robot.packaged import PACKAGED
 
-#: Module of a Python file unless another is named: blind benchmarks import `Model` from `Model.py`.
-_MODULE = "Model"
+#: Options of what a robot, a file of Python, and a blind benchmark do not have.
+_OF_BATTERIES = (
+    "--initial-soc", "--initial-soc-std", "--sample-time", "--style", "--curve-error",
+    "--sensor-offset", "--sensor-gain", "--voltage-gain",
+)  # fmt: skip
+_OF_C = ("--style", "--flash-kb", "--ram-kb")
+_PRESCRIBED = ("--name", "--sample-time", "--curve-error", *_OF_C)
+_OF_SCORED_LOGS = ("--truth", "--truth-start")
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
     # errors in all other files are reported by the reader of battery files
     is_robot = args.file.lower() in PACKAGED or noun_of(args.file) == "robot"
-    notes: list[str] = []
+    _refuse_what_has_no_effect(args, is_robot)
+    if args.benchmark:
+        return _submission(args)
+    if args.language == "python":
+        return _python_file(args)
+    return _c_library(args, is_robot)
+
+
+def _refuse_what_has_no_effect(args: argparse.Namespace, is_robot: bool) -> None:
+    python = args.language == "python"
     if args.terrain and not is_robot:
         raise InputError(f"--terrain is the ground under a robot, and {args.file} is a battery; leave it out")
-    if (args.truth or args.truth_start is not None) and not args.score:
-        raise InputError("--truth and --truth-start are of the logs that --score names; leave them out")
-    if args.benchmark:
-        only_c = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
-        if any(only_c) or args.style != "lines" or is_robot:
-            raise InputError(
-                "--for mcmaster is one file of Python for a battery, a row a second, named Model: leave out --name, "
-                "--sample-time, --style, --curve-error, --flash-kb and --ram-kb"
-            )
-        check_output("-o", args.output, (".zip",))
-        if args.score and not args.truth:
-            raise InputError(
-                "--score needs the true state of charge: name its column with --truth, as `ohmward soc` does"
-            )
-        return _submission(args)
-    if args.score:
-        raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
-    python = args.language == "python"
-    if python and (args.style != "lines" or args.flash_kb or args.ram_kb):
-        raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
-    if python and is_robot:
-        raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
-    start = given_start(args)
-    name, filter_name = args.name or (_MODULE if python else symbol_of(args.output)), args.filter
-    filter_name = filter_name or (DEFAULT if python else SMALL)
+    if is_robot and (python or args.benchmark):
+        option = "--for" if args.benchmark else "--language python"
+        raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out {option}")
     if is_robot:
-        if any(given is not None for given in (args.sensor_offset, args.sensor_gain, args.voltage_gain)):
-            raise InputError(
-                "these sensors are those of a battery; leave out --sensor-offset, --sensor-gain and --voltage-gain"
-            )
-        if args.curve_error:
-            raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
-        if args.style != "lines":
-            raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
+        _refuse(args, _OF_BATTERIES, f"{args.file} is a robot, not a battery")
+    if args.benchmark:
+        _refuse(args, _PRESCRIBED, "--for mcmaster is one file of Python for a battery, a row a second, named Model")
+        check_output("-o", args.output, (".zip",))
+    elif args.score:
+        raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
+    elif python:
+        _refuse(args, _OF_C, "--language python writes no C")
+    if not args.score:
+        _refuse(args, _OF_SCORED_LOGS, "no logs are scored without --score")
+    elif not args.truth:
+        raise InputError("--score needs the true state of charge: name its column with --truth, as `ohmward soc` does")
+
+
+def _refuse(args: argparse.Namespace, options: Sequence[str], why: str) -> None:
+    """Raise InputError if any of these options is given."""
+    values = {option: getattr(args, option[2:].replace("-", "_")) for option in options}
+    given = [option for option, value in values.items() if value not in (None, "lines")]
+    if given:
+        raise InputError(f"{why}; leave out {' and '.join(given)}")
+
+
+def _python_file(args: argparse.Namespace) -> Outcome:
+    """Write one file of Python for a battery."""
+    name, filter_name = args.name or blind.MODULE, args.filter or DEFAULT
+    export, notes = _of_battery(args, filter_name, name)
+    text = python_file(export, args.sample_time, **given_start(args))
+    (path,) = write_library({f"{name}.py": text}, Path(args.output))
+    text = paragraphs(
+        f"{path}: {export.title}",
+        f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
+        f"  from {name} import Model\n  soc, z = Model(X)",
+    )
+    figures = _figures(args, export, filter_name, notes) | {"operations": len(export.step.nodes), "files": [path.name]}
+    return Outcome(figures, text, notes)
+
+
+def _c_library(args: argparse.Namespace, is_robot: bool) -> Outcome:
+    """Write a C99 library for a battery or a robot."""
+    name, filter_name = args.name or symbol_of(args.output), args.filter or SMALL
+    notes: list[str] = []
+    if is_robot:
         export = robot_export(load_robot(args.file), filter_name, name, args.terrain or DEFAULT_TERRAIN)
     else:
-        battery, notes = load_with_sensor(args.file, args)
-        export = battery_export(
-            battery,
-            filter_name,
-            name,
-            **start,
-            sample_time_s=args.sample_time,
-            style=args.style,
-            curve_error_V=curve_error_of_pack_V(battery, args.curve_error),
-        )
-    figures = {
-        "command": "export",
-        "language": args.language,
-        "title": export.title,
-        "filter": filter_name,
-        "name": name,
-        "sample_time_s": args.sample_time,
-        "output": args.output,
-        "notes": notes,
-    }
-    if python:
-        (path,) = write_library({f"{name}.py": python_file(export, args.sample_time, **start)}, Path(args.output))
-        text = paragraphs(
-            f"{path}: {export.title}",
-            f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
-            f"  from {name} import Model\n  soc, z = Model(X)",
-        )
-        return Outcome(figures | {"operations": len(export.step.nodes), "files": [path.name]}, text, notes)
+        export, notes = _of_battery(args, filter_name, name)
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
     paths = write_library(library(export), Path(args.output))
     needed = size(export)
-    figures |= {
+    figures = _figures(args, export, filter_name, notes) | {
         "style": args.style,
         "curve_error_mV": args.curve_error,
         "operations": needed.operations,
@@ -126,6 +127,35 @@ def run(args: argparse.Namespace) -> Outcome:
         f"compile and check it here:\n  make -C {shlex.quote(str(args.output))} test",
     )
     return Outcome(figures, text, notes)
+
+
+def _of_battery(args: argparse.Namespace, filter_name: str, name: str) -> tuple[Export, list[str]]:
+    """The estimator of the battery's charge, and notes about its file."""
+    battery, notes = load_with_sensor(args.file, args)
+    export = battery_export(
+        battery,
+        filter_name,
+        name,
+        **given_start(args),
+        sample_time_s=args.sample_time,
+        style=args.style,
+        curve_error_V=curve_error_of_pack_V(battery, args.curve_error),
+    )
+    return export, notes
+
+
+def _figures(args: argparse.Namespace, export: Export, filter_name: str, notes: list[str]) -> dict[str, Any]:
+    """The figures of the command that C and Python share."""
+    return {
+        "command": "export",
+        "language": args.language,
+        "title": export.title,
+        "filter": filter_name,
+        "name": export.name,
+        "sample_time_s": args.sample_time,
+        "output": args.output,
+        "notes": notes,
+    }
 
 
 def _submission(args: argparse.Namespace) -> Outcome:
