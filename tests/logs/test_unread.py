@@ -43,6 +43,7 @@ def _zip(*names: str) -> bytes:
         (b"\x28\xb5\x2f\xfd" + bytes(90), "packed file; unpack it"),
         (bytes(range(256)), "no format that ohmward knows"),
     ],
+    ids=lambda given: given if isinstance(given, str) else "file",  # a packed file has the time in it
 )
 def test_a_file_that_is_known_is_named_with_the_way_out(content, message, tmp_path):
     path = tmp_path / "log.dat"
