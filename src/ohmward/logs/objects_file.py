@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from statistics import mode
@@ -14,10 +15,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import HEAD_BYTES, FileHints
-from ohmward.logs.table import Table, TableFile, file_of, row_numbers
+from ohmward.logs.table import Note, Table, TableFile, file_of, row_numbers
 
 #: Beginning of a file of JSON.
-_JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
+_JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*(?:[\[{\]]|null\b))")
 #: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
 _ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
 _ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
@@ -90,10 +91,13 @@ def open_objects(path: Path, hints: FileHints) -> TableFile:
         content = rows_of_lines(text)
     else:
         content = rows_of_blocks(text) if are_blocks(head) else _content(path.name, text)
-    columns = _columns(path.name, content)
+    try:
+        columns, notes = _columns(path.name, content)
+    except RecursionError:
+        raise InputError(f"{path.name}: hundreds of objects within each other, as in no log; export a table") from None
     rows = row_numbers(1, len(next(iter(columns.values()))))
     first = {name: tuple(map(str, values[:100])) for name, values in columns.items() if values.dtype == object}
-    return file_of(Table(path.name, columns, rows, "object"), hints, head=first)
+    return file_of(Table(path.name, columns, rows, "object", tuple(notes)), hints, head=first)
 
 
 def _content(source: str, text: str) -> Any:
@@ -121,33 +125,58 @@ def _whole(digits: str) -> float:
     return int(digits) if len(digits) < _TOO_LONG else float(digits)
 
 
-def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
-    """Columns of equal length."""
-    if isinstance(content, Mapping) and {"columns", "data"} <= content.keys():  # of pandas, orient="split"
-        content = [dict(zip(content["columns"], row, strict=False)) for row in content["data"]]
-    elif isinstance(content, Mapping) and len({_keys(value) for value in content.values()} | {()}) == 2:
-        return {name: plain_array(_alike(list(value.values()))) for name, value in content.items()}  # of pandas
-    elif isinstance(content, Mapping):
-        lists = {name: value for name, value in content.items() if isinstance(value, list)}
-        nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
-        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
-            return {name: plain_array(value) for name, value in lists.items()}
-        content = next(iter(lists.values()), [content])
-    while content and all(isinstance(one, list) for one in content):
-        content = [one for inner in content for one in inner]
-    rows = [dict(_flattened(one)) for one in content if isinstance(one, Mapping)] if isinstance(content, list) else []
-    names = dict.fromkeys(name for row in rows for name in row)
-    if not rows or len(names) < 2:
+def _columns(source: str, content: Any) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """Columns of equal length, from lists of values or a list of objects, whichever is longer; what was left out."""
+    lists = _lists(content)
+    nested = {name for name, values in lists.items() if any(isinstance(value, Mapping | list) for value in values)}
+    rows = max((lists[name] for name in nested), key=len, default=[])
+    columns = {name: values for name, values in lists.items() if name not in nested}
+    length, count = Counter(map(len, columns.values())).most_common(1)[0] if columns else (0, 0)
+    if count > 1 and length > len(rows):
+        others = [name for name, values in columns.items() if len(values) != length]
+        equal = {name: plain_array(_alike(values)) for name, values in columns.items() if len(values) == length}
+        return equal, [Note(f"lists of another length left out: {', '.join(others)}", "warning")] if others else []
+    flat = [dict(_flattened(row)) for row in rows or [content] if isinstance(row, Mapping)]
+    names = dict.fromkeys(name for row in flat for name in row)
+    if len(names) < 2:
         raise InputError(
             f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}; '
             "messages of ROS without a stamp have no time here: record them with `ros2 bag record`"
         )
-    return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
+    return {name: plain_array(_alike([row.get(name) for row in flat])) for name in names}, []
 
 
-def _keys(value: Any) -> tuple[str, ...]:
-    """The keys of an object that has several; () for any other value."""
-    return tuple(value) if isinstance(value, Mapping) and len(value) > 1 else ()
+def _lists(content: Any) -> dict[str, list[Any]]:
+    """The lists in JSON at any depth, by their names, which are joined by points where several objects have lists.
+
+    Objects of equal keys with a value each are lists as well, and names beside rows make objects, as pandas writes
+    tables.
+    """
+    if isinstance(content, list):
+        while content and all(isinstance(one, list) for one in content):
+            content = [one for inner in content for one in inner]
+        return {"": content} if content else {}
+    if not isinstance(content, Mapping):
+        return {}
+    if all(isinstance(content.get(key), list) for key in ("columns", "data")):
+        rows = [row for row in content["data"] if isinstance(row, list)]
+        return {"": [dict(zip(map(str, content["columns"]), row, strict=False)) for row in rows]}
+    alike = Counter(map(_keys_of_values, content.values()))
+    by_row = {key for key, value in content.items() if (keys := _keys_of_values(value)) and alike[keys] > 1}
+    inner = {key: {"": list(value.values())} if key in by_row else _lists(value) for key, value in content.items()}
+    several = sum(map(bool, inner.values())) > 1
+    return {
+        (f"{key}.{name}" if name and several else name or key): values
+        for key, lists in inner.items()
+        for name, values in lists.items()
+    }
+
+
+def _keys_of_values(value: Any) -> tuple[str, ...]:
+    """The keys of an object that has several, with a single value each; () for anything else."""
+    if not isinstance(value, Mapping) or len(value) < 2 or any(isinstance(v, list | Mapping) for v in value.values()):
+        return ()
+    return tuple(value)
 
 
 def _echoed(text: str) -> list[dict[str, str]]:
@@ -179,9 +208,11 @@ def _echoed(text: str) -> list[dict[str, str]]:
 
 def _alike(values: list[Any]) -> list[Any]:
     """The values as numbers, with None for missing ones; all of them as text if any is not a number."""
+    if all(isinstance(value, int | float) for value in values):
+        return values
     try:
         return [None if value is None else float(value) for value in values]
-    except ValueError:
+    except (TypeError, ValueError):
         return ["" if value is None else str(value) for value in values]
 
 
