@@ -33,6 +33,12 @@ def with_log(folder: Path, name: str = "battery log") -> Path:
     )
 
 
+def test_a_view_of_a_table_that_is_gone_is_left_out(tmp_path):
+    path = with_log(tmp_path)
+    database(tmp_path, ("CREATE VIEW broken AS SELECT * FROM gone", []))
+    assert len(read_log(path)) == len(LOG.time_s)
+
+
 @pytest.mark.parametrize("name", ["battery log", 'a "quoted" one', "log; DROP TABLE settings"])
 def test_the_table_that_holds_a_log_is_read_whatever_its_name(tmp_path, name):
     path = with_log(tmp_path, name.replace('"', '""'))

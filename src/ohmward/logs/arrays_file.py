@@ -44,24 +44,19 @@ def open_hdf5(path: Path, hints: FileHints) -> TableFile:
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in f"{_KINDS}VSO" and not name.startswith("#"):
-            values = np.squeeze(item[()])
-            fields = {field: values[field] for field in values.dtype.names or () if values[field].ndim == 1}
-            found = fields if values.dtype.names else {name.replace("/", "."): values}
-            arrays.update({column: _decoded(of_column) for column, of_column in found.items()})
+            arrays[name.replace("/", ".")] = np.squeeze(item[()])
 
     with parsing(path, "no readable HDF5 file", "write it again"), h5py.File(path, "r") as file:
         file.visititems(visit)
-    return open_arrays(path.name, arrays, hints)
+    return open_arrays(path.name, arrays, hints, "; give a table of pandas as pandas.read_hdf(FILE)")
 
 
-def open_npz(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a file of `numpy.savez`."""
-    with (
-        parsing(path, "no readable file of NumPy", "write it again"),
-        path.open("rb") as stream,
-        np.load(stream, allow_pickle=False) as file,
-    ):
-        arrays = {name: np.squeeze(file[name]) for name in file.files}
+def open_numpy(path: Path, hints: FileHints) -> TableFile:
+    """The columns of a file of `numpy.savez` or `numpy.save`."""
+    with parsing(path, "no readable file of NumPy", "write it again"), path.open("rb") as stream:
+        found = np.load(stream, allow_pickle=False)
+        arrays = {"": found} if isinstance(found, np.ndarray) else dict(found)
+        arrays = {name.replace("/", "."): np.squeeze(values) for name, values in arrays.items()}
     return open_arrays(path.name, arrays, hints)
 
 
@@ -80,21 +75,41 @@ def open_arrays(
 ) -> TableFile:
     """The table of the largest group of arrays of equal length; InputError where no two have one above 1.
 
+    The fields of a structured array are columns, and those of a matrix where the hints, or as many texts beside it as
+    pandas writes them, name them.
+
     arrays: name -> values of any shape; a name with points is shortened to its last part where that is unique.
     """
     lengths: dict[int, dict[str, np.ndarray]] = defaultdict(dict)
-    for name, values in arrays.items():
-        array = plain_array(values)
+    for name, values in _vectors(arrays, hints):
+        array = plain_array(_decoded(values))
         if array.ndim == 1 and array.size > 1:
             lengths[array.size][name] = array
     rows, columns = max(lengths.items(), key=lambda item: (len(item[1]), item[0]), default=(0, {}))
     if len(columns) < 2:
         held = ", ".join(f"{name} {np.shape(value)}" for name, value in list(arrays.items())[:8]) or "nothing"
+        if any(np.ndim(values) == 2 for values in arrays.values()):
+            advice += "; name the columns of a matrix in their order with --names time_s,current_A,voltage_V,..."
         raise InputError(f"{source}: no two columns of one length found; it has: {held}{advice}")
     last = [name.rpartition(".")[2] for name in columns]
     short = [one if last.count(one) == 1 else name for one, name in zip(last, columns, strict=True)]
     table = Table(source, dict(zip(short, columns.values(), strict=True)), row_numbers(1, rows), "row", notes)
     return file_of(table, hints)
+
+
+def _vectors(arrays: Mapping[str, Any], hints: FileHints) -> Iterator[tuple[str, Any]]:
+    """Each array by its name, a structured one by its fields, and a matrix by the names of its columns."""
+    texts = [values for values in arrays.values() if np.ndim(values) == 1 and np.asarray(values).dtype.kind in "SUO"]
+    for name, values in arrays.items():
+        shape = np.shape(values)
+        beside = [_decoded(np.asarray(text)).tolist() for text in texts if len(shape) == 2 and len(text) == shape[1]]
+        names = next((one for one in (hints.names, *beside) if one and len(shape) == 2 and len(one) == shape[1]), ())
+        if fields := getattr(getattr(values, "dtype", None), "names", None):
+            yield from ((f"{name}.{field}" if name else field, values[field]) for field in fields)
+        elif names:
+            yield from ((str(column), values[:, k]) for k, column in enumerate(names))
+        else:
+            yield name, values
 
 
 #: Types of the elements of a MATLAB file, and of the numbers of its classes (MAT-File Format, tables 1-1 and 1-3).
@@ -146,9 +161,9 @@ def _matlab_arrays(kind: int, content: bytes, order: str, before: str = "") -> I
         yield name, np.array(lines) if class_ == _TEXT else np.squeeze(data).astype(_CLASSES[class_])
 
 
-def _decoded(values: np.ndarray) -> np.ndarray:
+def _decoded(values: Any) -> Any:
     """Text in place of bytes."""
-    if values.dtype.kind not in "SO" or values.ndim != 1:
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "SO" or values.ndim != 1:
         return values
     text = [value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in values.tolist()]
     return np.array(text, dtype=object)
@@ -192,6 +207,7 @@ OPENERS: dict[bytes, Opener] = {
     b"BIO-LOGIC MODULAR FILE": open_mpr,
     b"NEWARE": open_neware,
     b"ARROW1": open_feather,
+    b"\x93NUMPY": open_numpy,
     HDF5_MAGIC: open_hdf5,
     b"MATLAB 7.3": open_hdf5,
     b"MATLAB 5.0": open_matlab,

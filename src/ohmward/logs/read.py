@@ -19,7 +19,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import arrays_file, can_file, selection, vehicle_file
-from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware, open_npz
+from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware, open_numpy
 from ohmward.logs.bags.bag_table import is_recording, open_bag
 from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
@@ -87,7 +87,6 @@ _KNOWN = tuple(
             "give pandas.read_html(FILE)[0]",
         ),
         (rb"\s*<\?xml", "XML; export the log as CSV with the program that wrote it, or give pandas.read_xml(FILE)"),
-        (rb"\x93NUMPY", "an array of NumPy without names; save it with numpy.savez(FILE, time_s=..., current_A=...)"),
         (rb".{257}ustar", "an archive of tar; unpack it and name the log in it"),
         (rb"%PDF-", "a PDF document; export the numbers as CSV"),
         (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", "a packed file; unpack it first"),
@@ -235,7 +234,7 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
     if is_ndax(path):
         return open_neware(path, hints)
     if path.suffix.lower() == ".npz":
-        return open_npz(path, hints)
+        return open_numpy(path, hints)
     with parsing(path, "no readable archive", "pack it again"), zipfile.ZipFile(path) as archive:
         parts = [part for part in archive.infolist() if part.filename.lower().endswith(LOG_ENDINGS)]
         logs = [part for part in parts if not part.filename.lower().endswith(_REMARKS)] or parts

@@ -99,12 +99,13 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _tables(database: sqlite3.Connection) -> Iterator[tuple[str, tuple[str, ...], int]]:
-    """Name, columns and number of rows of each table and view."""
+    """Name, columns and number of rows of each table and view, but views of tables that are not there."""
     names = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view')")]
     for name in names:
-        columns = tuple(row[1] for row in database.execute(f"PRAGMA table_info({_quoted(name)})"))
-        (rows,) = database.execute(f"SELECT count(*) FROM {_quoted(name)}").fetchone()
-        yield name, columns, rows
+        with suppress(sqlite3.OperationalError):
+            columns = tuple(row[1] for row in database.execute(f"PRAGMA table_info({_quoted(name)})"))
+            (rows,) = database.execute(f"SELECT count(*) FROM {_quoted(name)}").fetchone()
+            yield name, columns, rows
 
 
 def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], hints: FileHints) -> TableFile:

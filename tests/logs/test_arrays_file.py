@@ -1,0 +1,52 @@
+"""Logs as arrays: the columns of structured arrays and of matrices."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import FileHints, read_log
+
+NAMES = ("time_s", "current_A", "voltage_V")
+MATRIX = np.column_stack([np.arange(20.0), -1.0 * (np.arange(20) % 2), 12.5 + 0.1 * (np.arange(20) % 2)])
+TABLE = np.array([tuple(row) for row in MATRIX], [(name, "f8") for name in NAMES])
+
+
+def saved(folder: Path, name: str, **arrays: np.ndarray) -> Path:
+    path = folder / name
+    if path.suffix == ".npy":
+        np.save(path, arrays["log"])
+    elif path.suffix == ".npz":
+        np.savez(path, **arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            for key, values in arrays.items():
+                file[key] = values
+    return path
+
+
+def assert_read(path: Path, hints: FileHints | None = None) -> None:
+    log = read_log(path, current_sign="charge", hints=hints)
+    np.testing.assert_array_equal(np.column_stack([log.time_s, log.current_A, log.voltage_V]), MATRIX)
+
+
+@pytest.mark.parametrize("name", ["log.npy", "log.npz", "log.h5"])
+def test_the_fields_of_a_structured_array_are_columns(name, tmp_path):
+    assert_read(saved(tmp_path, name, log=TABLE))
+
+
+@pytest.mark.parametrize("name", ["log.npy", "log.npz", "log.h5"])
+def test_the_columns_of_a_matrix_are_named_by_the_user(name, tmp_path):
+    path = saved(tmp_path, name, log=MATRIX)
+    with pytest.raises(InputError, match=r"it has: \w* \(20, 3\).*--names time_s,current_A,voltage_V"):
+        read_log(path)
+    assert_read(path, FileHints(names=NAMES))
+
+
+def test_the_columns_of_a_matrix_are_named_by_texts_beside_it(tmp_path):
+    """As pandas' `to_hdf` writes a DataFrame."""
+    texts = np.array([name.encode() for name in NAMES])
+    frame = {"log/axis0": texts, "log/axis1": np.arange(20), "log/block0_items": texts, "log/block0_values": MATRIX}
+    assert_read(saved(tmp_path, "log.h5", **frame))
