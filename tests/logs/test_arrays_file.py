@@ -19,7 +19,7 @@ def saved(folder: Path, name: str, **arrays: np.ndarray) -> Path:
     if path.suffix == ".npy":
         np.save(path, arrays["log"])
     elif path.suffix == ".npz":
-        np.savez(path, **arrays)
+        np.savez(path, allow_pickle=False, **arrays)
     else:
         with h5py.File(path, "w") as file:
             for key, values in arrays.items():

@@ -8,8 +8,8 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import read_log
 
-COLUMNS = {"time_s": [0, 1, 2], "current_A": [-1.0, -2.0, -1.0], "voltage_V": [12.5, 12.4, 12.5]}
-ROWS = [dict(zip(COLUMNS, row, strict=True)) for row in zip(*COLUMNS.values(), strict=True)]
+COLUMNS: dict[str, list] = {"time_s": [0, 1, 2], "current_A": [-1.0, -2.0, -1.0], "voltage_V": [12.5, 12.4, 12.5]}
+ROWS = [{name: values[k] for name, values in COLUMNS.items()} for k in range(3)]
 BY_ROW = {name: dict(zip("012", values, strict=True)) for name, values in COLUMNS.items()}
 
 
