@@ -134,22 +134,27 @@ def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) ->
 
 
 def without_words(
-    name: str, cells: np.ndarray, marks: Marks, unit: Unit | None = None
-) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """Cells (T,) of text as numbers if all but a few words among them, such as `OL`, are numbers; and a note on these.
+    columns: Mapping[str, np.ndarray], marks: Marks, units: Mapping[str, Unit]
+) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """Columns of text as numbers if all but a few words among them, such as `OL`, are numbers; and notes on these.
 
-    A cell with a digit in it may be a number that is written in another way: then all stay text.
+    A cell with a digit in it may be a number that is written in another way: then all of its column stay text.
     """
-    first = cells[:_FIRST_CELLS]
-    if parse_cells(np.where(are_words(first), "", first).tolist(), marks, unit).dtype == object:  # dates, states
-        return cells, ()
-    words = are_words(cells)
-    numbers = parse_cells(np.where(words, "", cells).tolist(), marks, unit) if words.any() else cells
-    if numbers.dtype == object:
-        return cells, ()
-    example = cells[np.argmax(words)].strip()
-    text = f"{counted(int(words.sum()), 'cell')} of {name!r} treated as missing: no number ({example!r})"
-    return numbers, (Note(text, "warning"),)
+    found, notes = dict(columns), []
+    for name, cells in columns.items():
+        unit, first = units.get(name), cells[:_FIRST_CELLS]
+        if cells.dtype != object:
+            continue
+        if parse_cells(np.where(are_words(first), "", first).tolist(), marks, unit).dtype == object:  # dates, states
+            continue
+        words = are_words(cells)
+        numbers = parse_cells(np.where(words, "", cells).tolist(), marks, unit) if words.any() else cells
+        if numbers.dtype != object:
+            example = cells[np.argmax(words)].strip()
+            text = f"{counted(int(words.sum()), 'cell')} of {name!r} treated as missing: no number ({example!r})"
+            notes.append(Note(text, "warning"))
+            found[name] = numbers
+    return found, notes
 
 
 def are_words(cells: np.ndarray) -> np.ndarray:
@@ -239,20 +244,6 @@ class Header(NamedTuple):
     row: int | None  #: None where there is no header
     first: int
     timezone: str | None = None  #: that the header names, or None
-
-
-def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, with a number before the unit of repeated ones: `Temp`, `Temp 2`; `I 2 [A]`."""
-    unique: list[str] = []
-    for name in names:
-        stem, unit = next(split_unit(name))
-        number = 2
-        free = name
-        while free and free in unique:
-            free = f"{stem} {number} [{unit.symbol}]" if unit else f"{name} {number}"
-            number += 1
-        unique.append(free)
-    return tuple(unique)
 
 
 def find_block(rows: Sequence[Row]) -> ValueBlock | None:

@@ -112,9 +112,10 @@ def find_columns(
         InputError: an override names something that does not exist, or one column for two quantities; a file that calls
             itself BDF lacks a required column.
     """
-    _require_bdf_columns(source, names)
     columns = columns or {}
     units = units or {}
+    _require_bdf_columns(source, names)
+    _require_one_table(source, names, columns)
     known = [channel.name for channel in BATTERY]
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
@@ -146,6 +147,31 @@ def find_columns(
             choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
         raise UnclearColumnsError(source, names, faults, choice)
     return chosen
+
+
+def _require_one_table(source: str, names: Sequence[str], given: Mapping[str, str]) -> None:
+    """Refuse the tables of two batteries side by side, whose columns have the same names, unless one is chosen."""
+    twice = [name for name in names if unique_names((name, name))[1] in names]
+    first = {channel.name: _best(source, twice, channel) for channel in (TIME, CURRENT, VOLTAGE) if twice}
+    own = {quantity: column.name for quantity, column in first.items() if column}
+    if len(own) == len(first) > 0 and not own.keys() <= given.keys():
+        second = {quantity: unique_names((name, name))[1] for quantity, name in own.items()}
+        options = (" ".join(f"--column {argument(f'{q}={name}')}" for q, name in one.items()) for one in (own, second))
+        raise InputError(f"{source}: two tables side by side; choose one with {' or '.join(options)}")
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, with a number before the unit of repeated ones: `Temp`, `Temp 2`; `I 2 [A]`."""
+    unique: list[str] = []
+    for name in names:
+        stem, unit = next(split_unit(name))
+        number = 2
+        free = name
+        while free and free in unique:
+            free = f"{stem} {number} [{unit.symbol}]" if unit else f"{name} {number}"
+            number += 1
+        unique.append(free)
+    return tuple(unique)
 
 
 def has_log(names: Sequence[str]) -> bool:
@@ -295,8 +321,8 @@ def _divided(column: Column, channel: Channel, found: re.Match[str]) -> Column:
 
 def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     words = channel.split(stem)
-    # a bare `t` is a time; a temperature called `T` must carry its unit
-    if channel is TEMPERATURE and unit is None and stem.lower() == "t":
+    # a bare `t`, also a second one, is a time; a temperature called `T` must carry its unit
+    if channel is TEMPERATURE and unit is None and re.fullmatch(r"T|t(?: \d+)?", stem):
         return _NEVER
     # `T1` and `TS1` are temperatures, a column `test` without a unit is the number of a test
     if channel is TIME and unit is None and (re.fullmatch(r"[tT][sS]?\d+", stem) or words == ["test"]):

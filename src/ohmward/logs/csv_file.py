@@ -84,10 +84,8 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
-    for name in [name for name, values in joined.items() if values.dtype == object]:
-        joined[name], of_words = without_words(name, joined[name], layout.marks, layout.units.get(name))
-        notes += of_words
-    return Table(path.name, joined, np.concatenate(lines), "line", tuple(notes))
+    joined, of_words = without_words(joined, layout.marks, layout.units)
+    return Table(path.name, joined, np.concatenate(lines), "line", (*notes, *of_words))
 
 
 def _blocks(

@@ -21,10 +21,10 @@ from ohmward.logs.cells import (
     find_block,
     find_header,
     find_marks,
-    unique_names,
     unit_in_cells,
 )
 from ohmward.logs.channels import BATTERY, letters
+from ohmward.logs.columns import unique_names
 from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit

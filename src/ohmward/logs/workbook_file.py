@@ -15,8 +15,16 @@ from xml.parsers import expat
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names, with_decimal_commas
-from ohmward.logs.columns import has_log, listed
+from ohmward.logs.cells import (
+    Header,
+    Marks,
+    find_block,
+    find_header,
+    parse_cells,
+    with_decimal_commas,
+    without_words,
+)
+from ohmward.logs.columns import has_log, listed, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require, silenced
@@ -253,10 +261,13 @@ def _table_file(source: str, sheets: Sequence[_Sheet], hints: FileHints, notes: 
     data = [(sheet.name, row) for sheet in sheets for row in sheet.rows[sheet.header.first :] if any(row)]
     cells = {name: [row[k] if k < len(row) else "" for _, row in data] for k, name in enumerate(unique) if name}
     columns = with_decimal_commas({name: parse_cells(of_name, Marks()) for name, of_name in cells.items()})
+    columns, of_words = without_words(columns, Marks(), {})
     if len(sheets) > 1:
         columns |= {"sheet": np.array([name for name, _ in data], object)}
     head = {name: tuple(of_name[:100]) for name, of_name in cells.items()}
-    return file_of(Table(source, columns, row_numbers(first + 1, len(data)), "row", notes), hints, head=head)
+    return file_of(
+        Table(source, columns, row_numbers(first + 1, len(data)), "row", (*notes, *of_words)), hints, head=head
+    )
 
 
 def _text(cell: Any) -> str:
@@ -266,7 +277,8 @@ def _text(cell: Any) -> str:
     if isinstance(cell, date | time):
         return cell.isoformat()
     if isinstance(cell, timedelta):
-        return f"{cell.total_seconds():.6f}s"
+        minutes, seconds = divmod(cell.total_seconds(), 60.0)
+        return f"{int(minutes) // 60}:{int(minutes) % 60:02}:{seconds:09.6f}"
     if isinstance(cell, float) and cell.is_integer():
         return str(int(cell))
     return "" if cell is None else str(cell)
