@@ -224,7 +224,7 @@ def test_a_run_as_a_table(subject):
     if subject.kind is SlipEstimator:
         assert_array_equal(frame["slip_speed_m_s_1"], run.slip_speed_m_s[:, 1])
     assert run.estimates._fields[0] in dir(run)
-    with pytest.raises(AttributeError, match="sock"):
+    with pytest.raises(AttributeError, match=f"'{type(run).__name__}' object has no attribute 'sock'"):
         run.sock  # noqa: B018
 
 

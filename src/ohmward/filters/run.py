@@ -33,8 +33,8 @@ class Run(RichDisplay, Generic[E]):
 
     def __getattr__(self, name: str) -> np.ndarray:
         """A field of the estimates, (T,) or (T, wheels)."""
-        if name.startswith("_") or name == "estimates":
-            raise AttributeError(name)
+        if name.startswith("_") or name == "estimates" or not hasattr(self.estimates, name):
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
         values: np.ndarray = getattr(self.estimates, name)
         return values
 
