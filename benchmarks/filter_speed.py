@@ -21,8 +21,8 @@ from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters.belief import PackedBelief, unpack
 from ohmward.trace import Kernel, trace
 from ohmward.trace.lower.llvm_run import MachineStep
-from ohmward.trace.scan import state_row, state_tree
-from ohmward.trace.structure import scalar_names, size
+from ohmward.trace.scan import state_row
+from ohmward.trace.structure import scalar_names, shaped, size
 from peers import Absent, Contestant, contestants, numpy_by_hand
 from timing import Goal, Section, Times, duration, measure, ratio, share, spread
 from workloads import (
@@ -287,7 +287,7 @@ def ours_on_lanes(case: Case, drive: Drive, precision: str, model: str = "") -> 
     def run(steps: int) -> Posterior:
         rows = state.copy()
         step.many(rows, [c[:steps] for c in samples], [r[:steps] for r in results], None, threads=1)
-        return posterior(state_tree(structure, rows[:, 0].tolist()))
+        return posterior(shaped(structure, rows[:, 0].tolist()))
 
     return Contestant("ohmward", f"machine code, {precision}{model}", LANE_STEPS, run)
 

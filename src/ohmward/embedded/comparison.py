@@ -15,7 +15,7 @@ from ohmward.trace.lower.c_source import members
 from ohmward.trace.lower.llvm_logs import run_log
 from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError
 from ohmward.trace.lower.llvm_run import MachineStep
-from ohmward.trace.structure import flatten, size
+from ohmward.trace.structure import flatten, shaped, size
 
 
 def compare(twin: Twin, export: Export, found: Any, samples: Any, arguments: tuple[float, ...]) -> dict[str, float]:
@@ -50,7 +50,7 @@ def in_double_precision(export: Export, samples: Any, arguments: tuple[float, ..
     """Outputs (T, ...) of the exported step over a log, in machine code where it is installed."""
     step, structure = export.step, export.step.step_structure
     columns, _ = scan.sample_columns(structure.sample, samples)
-    first = scan.state_tree(structure.sample, [float(column[0]) for column in columns])
+    first = shaped(structure.sample, [float(column[0]) for column in columns])
     state = python_source.compile_call(export.start)(first, *arguments)
     state_size = size(structure.state)
     try:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Collection
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -164,7 +164,8 @@ class Kernel:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as the function and its examples; the other process traces again."""
-        return _rebuild, (self.function, self.examples, self.constants, self.lowering)
+        settings = {"constants": self.constants, "lowering": self.lowering}
+        return partial(Kernel, **settings), (self.function, *self.examples)
 
     @cached_property
     def machine(self) -> MachineStep:
@@ -216,9 +217,3 @@ class Kernel:
     @property
     def _state_size(self) -> int:
         return size(self.program.step_structure.state)
-
-
-def _rebuild(
-    function: Callable[..., Any], examples: tuple[Any, ...], constants: tuple[Any, ...], lowering: str
-) -> Kernel:
-    return Kernel(function, *examples, constants=constants, lowering=lowering)

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.trace import scan
 from ohmward.trace.lower import python_source
 from ohmward.trace.lower.llvm_run import MachineStep, OneStep
-from ohmward.trace.structure import Structure, is_finite
+from ohmward.trace.structure import Structure, is_finite, shaped
 
 #: Value that replaces each number in the output's field `flags`; None leaves the numbers.
 FlagTable = Mapping[float, Any] | None
@@ -78,7 +78,7 @@ class MachineLive:
     @property
     def state(self) -> Any:
         """The state after the last sample."""
-        return scan.state_tree(self._structure, self._code.state.tolist())
+        return shaped(self._structure, self._code.state.tolist())
 
     @state.setter
     def state(self, state: Any) -> None:

@@ -117,7 +117,7 @@ def trace(
     inputs = symbols(structure)
     origins = OriginRecorder() if with_origins else None
     with origins or nullcontext():
-        result = run_traced(function, *shaped(structure, list(inputs), object), *constants)
+        result = run_traced(function, *shaped(structure, inputs, object), *constants)
     result_structure = structure_of(result, "result")
     outputs = _scalars(result_structure, result)
     name = getattr(function, "__name__", "function")

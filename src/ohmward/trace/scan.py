@@ -1,13 +1,13 @@
 """Run one log through the compiled Python loop, in chunks that keep the memory bounded."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.program import StepStructure
-from ohmward.trace.structure import Leaf, Structure, as_array, check, flatten, leaves, size, unflatten
+from ohmward.trace.structure import Leaf, Structure, as_array, check, flatten, leaves, shaped, size, unflatten
 
 #: Number of scalars that are Python floats at the same time: about 10 MB.
 _CHUNK_SCALARS = 1 << 18
@@ -40,7 +40,7 @@ def run(
         _store(emitted, [o[part] if len(o) == count else o for o in outputs])
         if progress:
             progress(part.stop, count)
-    return state_tree(structure.state, row), unflatten(structure.output, iter(outputs))
+    return shaped(structure.state, row), unflatten(structure.output, iter(outputs))
 
 
 def output_lengths(structure: Structure, count: int, at_end: Collection[str]) -> list[int]:
@@ -61,13 +61,27 @@ def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
 
 def sample_columns(structure: Structure, samples: Any) -> tuple[list[np.ndarray], int]:
     """One column (T,) per scalar of a sample, and T."""
-    named = zip(leaves(structure, "samples"), flatten(structure, samples, "samples"), strict=True)
-    values = [(leaf, as_array(value, leaf, path), path) for (path, leaf), value in named]
-    lengths = {value.shape[0] for leaf, value, _ in values if value.ndim > len(leaf.shape)}
+    values = leaf_arrays(structure, samples, "samples")
+    count = common_length(values)
+    return [c for leaf, value, path in values for c in _leaf_columns(leaf, value, path, count)], count
+
+
+#: A leaf of a tree, its values, and its name in messages.
+LeafArray = tuple[Leaf, np.ndarray, str]
+
+
+def leaf_arrays(structure: Structure, tree: Any, path: str) -> list[LeafArray]:
+    """Every leaf of a tree called `path`, with its values as an array of any shape."""
+    named = zip(leaves(structure, path), flatten(structure, tree, path), strict=True)
+    return [(leaf, as_array(value, leaf, name), name) for (name, leaf), value in named]
+
+
+def common_length(samples: Iterable[LeafArray]) -> int:
+    """Number of steps T, from the samples that have a time axis."""
+    lengths: set[int] = {value.shape[0] for leaf, value, _ in samples if value.ndim > len(leaf.shape)}
     if len(lengths) != 1:
         raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
-    (count,) = lengths
-    return [c for leaf, value, path in values for c in _leaf_columns(leaf, value, path, count)], count
+    return lengths.pop()
 
 
 def _leaf_columns(leaf: Leaf, value: np.ndarray, path: str, count: int) -> np.ndarray:
@@ -83,15 +97,3 @@ def state_row(structure: Structure, state: Any) -> tuple[Any, ...]:
     values = zip(leaves(structure), flatten(structure, state), strict=True)
     arrays: list[np.ndarray] = [np.asarray(value, dtype=leaf.dtype) for (_, leaf), value in values]
     return tuple(x for array in arrays for x in array.ravel().tolist())
-
-
-def state_tree(structure: Structure, row: Sequence[Any]) -> Any:
-    """The state rebuilt from its scalars: Python floats and bools, and arrays."""
-    rest = iter(row)
-
-    def value(leaf: Leaf) -> Any:
-        if not leaf.shape:
-            return leaf.dtype(next(rest))
-        return np.array([next(rest) for _ in range(leaf.size)], leaf.dtype).reshape(leaf.shape)
-
-    return unflatten(structure, (value(leaf) for _, leaf in leaves(structure)))

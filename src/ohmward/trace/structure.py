@@ -118,13 +118,13 @@ def unflatten(structure: Structure, values: Iterator[Any]) -> Any:
     return structure.type(*children) if hasattr(structure.type, "_fields") else tuple(children)
 
 
-def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -> Any:
-    """Tree made of one value per scalar: bare scalars, and arrays of `dtype` (default: bool or float, as the leaf)."""
+def shaped(structure: Structure, values: Sequence[Any], dtype: type | None = None) -> Any:
+    """Tree made of one value per scalar: bare scalars and arrays, of bool or float as the leaf; dtype: or of this."""
     row = iter(values)
 
     def leaf_value(leaf: Leaf) -> Any:
         if not leaf.shape:
-            return next(row)
+            return next(row) if dtype else leaf.dtype(next(row))
         array: np.ndarray = np.empty(leaf.size, dtype or leaf.dtype)
         array[:] = [next(row) for _ in range(leaf.size)]
         return array.reshape(leaf.shape)

@@ -11,7 +11,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.trace.lower.numpy_source import Lanes
 from ohmward.trace.program import StepStructure
-from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
+from ohmward.trace.scan import LeafArray, common_length, leaf_arrays
+from ohmward.trace.structure import Leaf, Structure, leaves, unflatten
 
 #: Number of lanes that run together: the overhead of a NumPy call equals its work on 1000 to 2000 lanes, and the
 #: registers of a seven-state filter with 4096 lanes take 3 MB of the cache.
@@ -52,9 +53,9 @@ class Batch(NamedTuple):
 
 def make_batch(structure: StepStructure, state: Any, samples: Any) -> Batch:
     """Rows and columns of the arguments of `Kernel.scan_lanes`; InputError where a shape does not fit."""
-    states = _arrays(structure.state, state, "state")
-    values = _arrays(structure.sample, samples, "samples")
-    count = _steps(values)
+    states = leaf_arrays(structure.state, state, "state")
+    values = leaf_arrays(structure.sample, samples, "samples")
+    count = common_length(values)
     width = _lane_count(states, values)
     rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
     columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
@@ -113,21 +114,7 @@ def reporter(progress: Callable[[int, int], None] | None, total: int) -> Callabl
     return report
 
 
-def _arrays(structure: Structure, tree: Any, path: str) -> list[tuple[Leaf, np.ndarray, str]]:
-    named = leaves(structure, path)
-    pairs = zip(named, flatten(structure, tree, path), strict=True)
-    return [(leaf, as_array(value, leaf, name), name) for (name, leaf), value in pairs]
-
-
-def _steps(values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
-    """T, from the samples that have a time axis."""
-    lengths: set[int] = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
-    if len(lengths) != 1:
-        raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
-    return lengths.pop()
-
-
-def _lane_count(states: Iterable[tuple[Leaf, np.ndarray, str]], values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
+def _lane_count(states: Iterable[LeafArray], values: Iterable[LeafArray]) -> int:
     """B, from the leaves that have a lane axis: last in a state, last in samples that also have a time axis."""
     of_states: set[int] = {v.shape[-1] for leaf, v, _ in states if v.ndim == len(leaf.shape) + 1}
     of_samples: set[int] = {v.shape[-1] for leaf, v, _ in values if v.ndim == len(leaf.shape) + 2}

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.trace import scan
 from ohmward.trace.lower import lanes
 from ohmward.trace.lower.llvm_run import MachineStep, processors
-from ohmward.trace.structure import Structure, leaves, unflatten
+from ohmward.trace.structure import Structure, leaves, shaped, unflatten
 
 Progress = Callable[[int, int], None]
 
@@ -30,7 +30,7 @@ def run_log(
     scalars = [v for r in results for v in r.reshape(len(r), math.prod(r.shape[1:])).T]
     scalars = [np.broadcast_to(v, count) for v in scalars]  # every step writes a value at the end to the same place
     step.one(row, _doubles(columns), scalars, progress)
-    return scan.state_tree(structure.state, row.tolist()), _typed(structure.output, results)
+    return shaped(structure.state, row.tolist()), _typed(structure.output, results)
 
 
 def run_lanes(step: MachineStep, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:

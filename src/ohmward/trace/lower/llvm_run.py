@@ -153,9 +153,12 @@ class MachineStep:
         """Step the last lanes, too few for a vector, in a vector filled up with copies of the last of them."""
         lanes = part.stop - part.start
         count = len(columns[0])
-        padded = np.repeat(state[:, -1:], self.width, axis=1)
-        padded[:, :lanes] = state[:, part]
-        own = [_padded(c[:, part], self.width) if c.ndim == 2 else c for c in columns]
+
+        def filled_up(values: np.ndarray) -> np.ndarray:
+            return np.pad(values[:, part], ((0, 0), (0, self.width - lanes)), mode="edge")
+
+        padded = filled_up(state)
+        own = [filled_up(c) if c.ndim == 2 else c for c in columns]
         results = [np.empty((count, self.width)) for _ in outputs]
         self._blocks(padded, own, results, slice(0, self.width), None)
         state[:, part] = padded[:, :lanes]
@@ -220,11 +223,6 @@ def _shares(lanes: int, width: int, threads: int) -> Iterator[tuple[int, int]]:
     parts = min(threads, blocks)
     edges = [round(k * blocks / max(1, parts)) * width for k in range(parts + 1)]
     return pairwise(edges)
-
-
-def _padded(values: np.ndarray, width: int) -> np.ndarray:
-    """Columns (T, width): the given lanes, the last one repeated."""
-    return np.concatenate([values, np.repeat(values[:, -1:], width - values.shape[1], axis=1)], axis=1)
 
 
 def processors() -> int:

@@ -142,9 +142,7 @@ _RESERVED = {*_FUNCTIONS, *OPERATIONS, "abs", "int", "float", "bool", "zip", "em
 
 def step_source(code: Body) -> str:
     """`step(*inputs) -> (*results)`, all scalars: the program to read, and the form of the safe twin."""
-    return "\n".join(
-        [f"def step({', '.join(code.inputs)}):", *_indent(code.lines, 1), f"    return {_row(code.results)}"]
-    )
+    return "\n".join([f"def step({', '.join(code.inputs)}):", *_indent(code.lines), f"    return {_row(code.results)}"])
 
 
 def call_source(code: Body, program: Program) -> str:
@@ -155,7 +153,7 @@ def call_source(code: Body, program: Program) -> str:
     unpack = [line for child, a in zip(children, arguments, strict=True) for line in _unpack(child, a, names)]
     result = _pack(program.result_structure, iter(code.outputs), count())
     lines = [*unpack, *_guarded(code), f"return {result}"]
-    return "\n".join([f"def call({', '.join(arguments)}):", *_indent(lines, 1)])
+    return "\n".join([f"def call({', '.join(arguments)}):", *_indent(lines)])
 
 
 def scan_source(code: Body, state_size: int) -> str:
@@ -171,10 +169,10 @@ def scan_source(code: Body, state_size: int) -> str:
     lines = [
         f"{_row(state)} = state",
         f"for {_row(sample)} in zip(*columns):",
-        *_indent(loop or ["pass"], 1),
+        *_indent(loop or ["pass"]),
         f"return {_row(state)}",
     ]
-    return "\n".join(["def scan(state, columns, emit):", *_indent(lines, 1)])
+    return "\n".join(["def scan(state, columns, emit):", *_indent(lines)])
 
 
 def live_source(program: Program, state_size: int, flags: bool) -> str:
@@ -195,7 +193,7 @@ def live_source(program: Program, state_size: int, flags: bool) -> str:
         *([f"{_row(results)} = _read(_outputs)"] if results else []),
         f"return {_pack(output, typed, count())}",
     ]
-    return "\n".join(["def live(_sample):", *_indent(lines, 1)])
+    return "\n".join(["def live(_sample):", *_indent(lines)])
 
 
 def _guarded(code: Body) -> list[str]:
@@ -203,7 +201,7 @@ def _guarded(code: Body) -> list[str]:
     if not code.lines:
         return []
     twin = f"{_row(code.results)} = _safe_step({', '.join(code.inputs)})"
-    return ["try:", *_indent(code.lines, 1), "except _ERRORS:", f"    {twin}"]
+    return ["try:", *_indent(code.lines), "except _ERRORS:", f"    {twin}"]
 
 
 def _typed(name: str, boolean: bool, flag: bool) -> str:
@@ -251,8 +249,8 @@ def _row(names: list[str]) -> str:
     return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
 
 
-def _indent(lines: list[str], level: int) -> list[str]:
-    return ["    " * level + line for line in lines]
+def _indent(lines: list[str]) -> list[str]:
+    return [f"    {line}" for line in lines]
 
 
 # ---- compiled
