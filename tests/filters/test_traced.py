@@ -125,21 +125,20 @@ def test_traced_adaptive_steps_are_those_with_floats(step, y):
 
 
 def test_traced_gate_is_that_with_floats():
-    def step(state, y):
-        packed, counts = state
+    def step(packed, y):
         prior = unscented.predict(unpack(packed), pendulum, PENDULUM_Q)
         posterior, innovation = unscented.update(prior, y, height, PENDULUM_R)
-        belief, counts = gate.gate(prior, posterior, innovation, counts, threshold=9.0)
-        return (pack(belief), counts), innovation.value
+        passes = gate.passes(innovation, 9.0)
+        return pack(gate.choose(passes, posterior, prior)), gate.choose(passes, 1.0, 0.0)
 
-    state = (pack(PENDULUM), gate.GateCounts())
+    state = pack(PENDULUM)
     y = np.array([[0.3], [np.nan], [50.0], [0.2]])
     with_floats = state
     for value in y:
         with_floats, _ = step(with_floats, value)
-    final, _ = Kernel(step, state, y[0]).scan(state, y)
+    final, used = Kernel(step, state, y[0]).scan(state, y)
     assert_close(final, with_floats)
-    assert tuple(final[1]) == (2, 1, 1)
+    assert used.tolist() == [1.0, 0.0, 0.0, 1.0]
 
 
 def assert_close(a, b):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,36 +22,12 @@ from ohmward.trace import isfinite, maximum, where
 from ohmward.trace.expression import Condition, Scalar
 
 
-class GateCounts(NamedTuple):
-    """Numbers of measurements that were used, rejected and missing."""
-
-    accepted: float = 0.0  #: used
-    #: finite, but with a NIS above the threshold. Many in a row are the filter's fault, not the sensor's.
-    rejected: float = 0.0
-    missing: float = 0.0  #: not a number, or infinite
-
-
-def gate(
-    prior: Any, posterior: Any, innovation: Innovation, counts: GateCounts, threshold: float = math.inf
-) -> tuple[Any, GateCounts]:
-    """The posterior where the measurement passes the gate nu' S^-1 nu <= threshold, else the prior; and the counts.
-
-    Args:
-        prior: before the measurement: a belief, or any NamedTuples of arrays and numbers.
-        posterior: after it, of the same shape.
-        innovation: of the measurement.
-        counts: so far.
-        threshold: on the NIS, the chi-square quantile with m degrees of freedom (`consistency.gate_threshold`); by
-            default only missing measurements are skipped.
-    """
-    accepted = passes(innovation, threshold)
-    return choose(accepted, posterior, prior), count(counts, innovation, accepted)
-
-
 def passes(innovation: Innovation, threshold: float = math.inf) -> Condition:
     """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
     within = nis(innovation) <= threshold
-    return within if threshold < math.inf else within & _is_there(innovation)  # only inf <= inf needs the second check
+    if threshold < math.inf:
+        return within
+    return within & isfinite(sum(innovation.value))  # inf <= inf passes; a sum is finite only if all its terms are
 
 
 def correct_gated(
@@ -69,13 +45,6 @@ def correct_gated(
     correction = correct(np.array([where(measured, y, 0.0)]))
     accepted = measured & passes(correction.innovation, threshold)
     return choose(accepted, correction.belief, belief), accepted
-
-
-def count(counts: GateCounts, innovation: Innovation, accepted: Scalar) -> GateCounts:
-    """The counts with one more measurement."""
-    finite = where(_is_there(innovation), 1.0, 0.0)
-    used = where(accepted, 1.0, 0.0)
-    return GateCounts(counts.accepted + used, counts.rejected + finite - used, counts.missing + 1 - finite)
 
 
 def require_gate(gate: float, reset_after_s: float) -> None:
@@ -138,8 +107,3 @@ def choose(condition: Scalar, a: Any, b: Any) -> Any:
         chosen = (choose(condition, x, y) for x, y in zip(a, b, strict=True))
         return tuple(chosen) if type(a) is tuple else type(a)(*chosen)
     return where(condition, a, b)
-
-
-def _is_there(innovation: Innovation) -> Condition:
-    """True where every element is finite: a sum is finite only if all its terms are."""
-    return isfinite(sum(innovation.value))

@@ -20,7 +20,7 @@ TINY = 2.0**-126
 """Floor of a divisor, so that a variance of zero is safe; float32's smallest normal number survives the export."""
 
 
-def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0) -> tuple[np.ndarray, float]:
+def cholesky(P: np.ndarray, scale: float = 1.0) -> tuple[np.ndarray, float]:
     """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` reports it.
 
     Only the lower triangle of P is read; its structural zeros stay zeros in L. The elimination is that of P = U D U'
@@ -29,12 +29,11 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0
 
     Args:
         P: (n, n) covariance.
-        pivot_floor: smallest pivot relative to P[j, j], in (0, 1).
         scale: of the factor, > 0.
 
     Returns:
         L: (n, n); its diagonal is positive whatever P holds, NaN excepted.
-        ok: 1.0 when no pivot is below -`pivot_floor` * |P[j, j]|; 0.0 when P is indefinite or not a number, and then
+        ok: 1.0 when no pivot is below -`PIVOT_FLOOR` * |P[j, j]|; 0.0 when P is indefinite or not a number, and then
             L is not a factor of P.
     """
     n = len(P)
@@ -42,7 +41,7 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0
     ok = 1.0
     for j in range(n):
         pivot = _less_products(P[j, j], U[j, :j], V[j, :j])
-        floor = pivot_floor * abs(P[j, j]) + TINY
+        floor = PIVOT_FLOOR * abs(P[j, j]) + TINY
         ok = where(pivot >= -floor, ok, 0.0)
         d = where(pivot < floor, floor, pivot)  # NaN stays
         reciprocal, root = 1.0 / d, scale * np.sqrt(d)
