@@ -82,10 +82,9 @@ class Dashboard:
         """The newest state as the page shows it."""
         return {"name": self.name, "stored": self.store is not None, **(view(self.state) if self.state else {})}
 
-    def history(self, since_unix_s: float = -math.inf) -> dict[str, list[float | None]]:
+    def history(self, since_unix_s: float = -math.inf) -> Rows:
         """Columns of the rows after a time on the wall clock, None for unknown values."""
-        rows = [row for row in self._rows if row[0] > since_unix_s]
-        return {name: [row[k] if math.isfinite(row[k]) else None for row in rows] for k, name in enumerate(HISTORY)}
+        return _in_columns([row for row in self._rows if row[0] > since_unix_s])
 
     def _whole(self, state: RobotState) -> RobotState:
         """The state with the last value of every sensor, not only of those in its sample; nan for silent ones."""
@@ -185,8 +184,12 @@ def stored_rows(folder: Path, until_s: float, span: Lookback) -> Rows:
     for step, values in _by_step(drive, times_ns[2]):
         rows[step] = {**values, **rows.get(step, {})}
     ordered = sorted((history_row(values["unix_ns"] / 1e9, values) for values in rows.values()), key=lambda row: row[0])
-    columns = zip(HISTORY, _with_gaps(ordered).T.tolist(), strict=True)
-    return {name: [value if math.isfinite(value) else None for value in column] for name, column in columns}
+    return _in_columns(_with_gaps(ordered).tolist())
+
+
+def _in_columns(rows: Sequence[Sequence[float]]) -> Rows:
+    """Rows of `HISTORY` as columns by name, None for unknown values."""
+    return {name: [row[k] if math.isfinite(row[k]) else None for row in rows] for k, name in enumerate(HISTORY)}
 
 
 def _by_step(columns: dict[str, np.ndarray], step_ns: int) -> list[tuple[int, dict[str, float]]]:

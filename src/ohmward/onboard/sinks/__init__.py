@@ -1,5 +1,7 @@
 """Sinks of states, by the `kind` in the settings."""
 
+from typing import get_args
+
 from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.foxglove import FoxgloveSink
@@ -28,17 +30,5 @@ AnySink = (
     | WebhookSink
 )
 
-SINKS: dict[type, str] = {
-    CanSink: "can",
-    ControlSink: "control",
-    InfluxSink: "influxdb",
-    FoxgloveSink: "foxglove",
-    JsonLinesSink: "json-lines",
-    MqttSink: "mqtt",
-    PageSink: "page",
-    PostgresqlSink: "postgresql",
-    Ros2Sink: "ros2",
-    StoreSink: "store",
-    TerminalSink: "terminal",
-    WebhookSink: "webhook",
-}
+#: Kind of each sink, which is its name unless the setup gives another one.
+SINKS: dict[type, str] = {sink: sink.name for sink in get_args(AnySink)}

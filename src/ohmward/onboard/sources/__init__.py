@@ -1,5 +1,7 @@
 """Sources of measurements, by the `kind` in the settings."""
 
+from typing import get_args
+
 from ohmward.onboard.sources.can import CanSource
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.mqtt import MqttSource
@@ -11,12 +13,5 @@ from ohmward.onboard.sources.simulation import SimulationSource
 #: Any source.
 AnySource = CanSource | JsonLinesSource | MqttSource | ReplaySource | Ros2Source | SerialSource | SimulationSource
 
-SOURCES: dict[type, str] = {
-    CanSource: "can",
-    JsonLinesSource: "json-lines",
-    MqttSource: "mqtt",
-    ReplaySource: "replay",
-    Ros2Source: "ros2",
-    SerialSource: "serial",
-    SimulationSource: "simulation",
-}
+#: Kind of each source, which is its name unless the setup gives another one.
+SOURCES: dict[type, str] = {source: source.name for source in get_args(AnySource)}
