@@ -107,18 +107,18 @@ def test_resistances_in_milliohm():
 
 def test_the_histogram_is_a_density_beside_its_normal_distribution():
     values = 3.0 + 2.0 * np.random.default_rng(1).standard_normal(20_000)
-    figure = pictures.histogram_figure(np.append(values, np.nan), "Residuals", "[mV]")
+    figure = pictures.residuals_figure(np.append(values, np.nan))
     density, normal = figure.series
     assert np.sum(density.y[:-1] * np.diff(density.x)) == pytest.approx(1.0)
     assert density.y[:-1] == pytest.approx(normal.y, abs=0.02)
 
 
 def test_a_constant_has_a_histogram_too():
-    assert pictures.histogram_figure(np.ones(10), "Residuals", "[mV]").series
+    assert pictures.residuals_figure(np.ones(10)).series
 
 
 def test_nothing_known_has_an_empty_histogram():
-    figure = pictures.histogram_figure(np.full(5, np.nan), "Residuals", "[mV]")
+    figure = pictures.residuals_figure(np.full(5, np.nan))
     assert not figure.series and "Residuals" in Page("Report").plot(figure).html()
 
 

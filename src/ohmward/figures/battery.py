@@ -129,13 +129,14 @@ def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
     e = estimates
     time_s, capacity, capacity_std = _slow(log.time_s, 100.0, e.soh_capacity, e.soh_capacity_std)
     _, resistance, resistance_std = _slow(log.time_s, 100.0, e.resistance_ratio, e.resistance_ratio_std)
+    log_std = resistance_std / np.where(resistance > 0.0, resistance, np.nan)
     series = [
         Series(time_s, capacity, "capacity", role="estimate"),
         Series(time_s, resistance, "resistance", role="comparison"),
     ]
     bands = [
         band_95(time_s, capacity, capacity_std, (0.0, np.inf), "95 % of capacity"),
-        lognormal_band_95(time_s, resistance, resistance_std, "95 % of resistance", "comparison"),
+        lognormal_band_95(time_s, resistance, log_std, "95 % of resistance", "comparison"),
     ]
     return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, bands, height_px=180)
 
@@ -268,12 +269,13 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     ]
 
 
-def histogram_figure(values: np.ndarray, title: str, x_label: str) -> Figure:
-    """Frequency of the values, beside the normal distribution of the same mean and deviation.
+def residuals_figure(residual_mV: np.ndarray) -> Figure:
+    """Frequency of the residuals of a fit, beside the normal distribution of the same mean and deviation.
 
-    values: (N,) in the unit of `x_label`; nan is left out, and the outermost 0.1 % on either side are not drawn.
+    residual_mV: (N,); nan is left out, and the outermost 0.1 % on either side are not drawn.
     """
-    known = values[np.isfinite(values)]
+    title, x_label = "Residuals", "Measured - simulated voltage [mV]"
+    known = residual_mV[np.isfinite(residual_mV)]
     if not known.size:
         return Figure(title, x_label, "Density", [], height_px=220)
     low, high = np.quantile(known, [0.001, 0.999])

@@ -10,8 +10,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import PULSE_S, ocv_std_V, pulse_ohm_along
 from ohmward.figures.battery import SOC_AXIS
-from ohmward.figures.parts import band_95
-from ohmward.filters.consistency import BAND_95
+from ohmward.figures.parts import band_95, lognormal_band_95
 from ohmward.report import Band, Figure, Series
 from ohmward.report.figure import Meaning, Style
 
@@ -44,9 +43,8 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     series, bands = [], []
     for battery, (name, style, role) in zip((before, after), _STATES, strict=True):
         ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
-        ratio = np.exp(BAND_95 * _log_resistance_std(battery, _SOC))
         series.append(Series(100 * _SOC, ohm, name, style, role))
-        bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {name}", role))
+        bands.append(lognormal_band_95(100 * _SOC, ohm, _log_resistance_std(battery), f"95 % {name}", role))
     highest = max(1.3 * float(max(s.y.max() for s in series)), 1.1 * float(bands[1].high.max()))
     title = f"Resistance to {PULSE_S:g} s of current"
     return Figure(title, SOC_AXIS, "Resistance [mΩ]", series, bands, y_limits=(0.0, highest))
@@ -84,6 +82,6 @@ def _curve_V(battery: Battery) -> np.ndarray:
     return np.asarray(model.ocv.mean_V(_SOC, model.reference_degC))
 
 
-def _log_resistance_std(battery: Battery, soc: Any) -> np.ndarray:
-    """Standard deviation of the logarithm of the resistance at an SoC, with the part common to all SoC."""
-    return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(soc)))
+def _log_resistance_std(battery: Battery) -> np.ndarray:
+    """Standard deviation of the logarithm of the resistance along SoC, with the part common to all SoC."""
+    return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(_SOC)))

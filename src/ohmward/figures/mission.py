@@ -67,7 +67,7 @@ def power_figure(balance: RecordedBalance) -> Figure:
 
 
 def speed_figure(record: DriveRecord) -> Figure:
-    """Speed and battery power, where there is no energy balance."""
+    """Speed and battery power over time."""
     t = record.log.time_s
     series = [
         Series(t, record.battery_W, "battery", role="reference"),
@@ -102,6 +102,5 @@ def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """A running mean over two seconds: single samples are mostly noise."""
     width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
     known = np.nan_to_num(np.asarray(values, dtype=float))
-    return np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")[
-        width // 2 : width // 2 + len(known)
-    ]
+    smooth = np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")
+    return smooth[width // 2 : width // 2 + len(known)]

@@ -48,10 +48,12 @@ def band_95(
     return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
 
 
-def lognormal_band_95(x: np.ndarray, mean: np.ndarray, std: np.ndarray, label: str, role: Meaning) -> Band:
-    """The 95 % band of a quantity > 0 whose logarithm is in error; a gap where the mean is not > 0."""
+def lognormal_band_95(
+    x: np.ndarray, mean: np.ndarray, log_std: np.ndarray, label: str = "95 % band", role: Meaning = "estimate"
+) -> Band:
+    """The 95 % band of a quantity > 0 whose logarithm has this standard deviation; a gap where the mean is not > 0."""
     known = np.where(mean > 0.0, mean, np.nan)
-    factor = np.exp(np.minimum(BAND_95 * std / known, _WIDEST_LOGARITHM))
+    factor = np.exp(np.minimum(BAND_95 * log_std, _WIDEST_LOGARITHM))
     return Band(x, known / factor, known * factor, label, role)
 
 

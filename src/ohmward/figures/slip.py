@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.figures.parts import band_95, estimated, flag_spans, spans_where
-from ohmward.filters.consistency import BAND_95, ELLIPSE_95
+from ohmward.figures.parts import band_95, estimated, flag_spans, lognormal_band_95, spans_where
+from ohmward.filters.consistency import ELLIPSE_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import QUANTITIES
-from ohmward.report import TIME, Band, Figure, Line, Map, Marker, Series
+from ohmward.report import TIME, Figure, Line, Map, Marker, Series
 from ohmward.report.figure import Meaning
 from ohmward.traction.calibration import Calibration
 from ohmward.traction.calibration.floor import points
@@ -106,8 +106,7 @@ def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None =
 def friction_figure(run: SlipRun) -> Figure:
     """Friction relative to the assumed terrain; its standard deviation is relative too."""
     share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]
-    band = Band(run.time_s, share * np.exp(-BAND_95 * std), share * np.exp(BAND_95 * std), "95 % band")
-    series = [Series(run.time_s, share, "estimate", role="estimate")]
+    series, band = [Series(run.time_s, share, "estimate", role="estimate")], lognormal_band_95(run.time_s, share, std)
     return Figure("Friction over the assumed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
 
 

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from ohmward.report.figure import MEANING, SHADES, Band, Figure, Series, colours, envelope, m4
-from ohmward.report.map import Line, Map
+from ohmward.report.map import Line, Map, polylines
 
-#: Size of the picture [px], and the number of columns for thinning its lines.
-_CARD_WIDTH, _CARD_HEIGHT, _CARD_COLUMNS = 320.0, 90.0, 320
+#: Size of the picture and width of its lines [px], and the number of columns for thinning these.
+_CARD_WIDTH, _CARD_HEIGHT, _LINE_PX, _CARD_COLUMNS = 320.0, 90.0, 1.2, 320
 #: Extent assumed for a path in a direction in which it does not move.
 _STILL_EXTENT: Final = 1e-9
 _CARD: Final = "display:inline-flex;gap:24px;align-items:center;font-size:13px;line-height:1.5"
@@ -51,7 +51,7 @@ def _path(line: Line) -> str:
         return ""
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
     scale = np.full(2, min(_CARD_WIDTH / (extent[0] or _STILL_EXTENT), _CARD_HEIGHT / (extent[1] or _STILL_EXTENT)))
-    return _polyline(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light)
+    return polylines(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light, _LINE_PX)
 
 
 def _curves(figure: Figure) -> str:
@@ -71,21 +71,14 @@ def _curves(figure: Figure) -> str:
 
 
 def _line(series: Series, colour: str, corner: np.ndarray, scale: np.ndarray) -> str:
-    """A line in pieces between its gaps, or dots."""
+    """A line, or dots."""
     rows = m4(series.x, series.y, _CARD_COLUMNS)
     points = _places(series.x[rows], series.y[rows], corner, scale)
     stroke = SHADES[colour].light
     if series.style == "points":
         dots = points[np.isfinite(points[:, 1])]
         return "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1" fill="{stroke}"/>' for x, y in dots)
-    gaps = np.flatnonzero(~np.isfinite(points[:, 1]))
-    pieces = (piece[np.isfinite(piece[:, 1])] for piece in np.split(points, gaps))
-    return "".join(_polyline(piece, stroke) for piece in pieces if len(piece) > 1)
-
-
-def _polyline(points: np.ndarray, stroke: str) -> str:
-    text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return f'<polyline points="{text}" fill="none" stroke="{stroke}" stroke-width="1.2"/>'
+    return polylines(points, stroke, _LINE_PX)
 
 
 def _band(band: Band, corner: np.ndarray, scale: np.ndarray) -> str:

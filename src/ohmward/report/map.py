@@ -74,7 +74,9 @@ class Map(Drawing):
         area = area_of(self.lines)
         width, height = area.width * area.px_per_unit, area.height * area.px_per_unit
         size = f"{LEFT_PX + width + TOP_PX:.0f} {TOP_PX + height + BOTTOM_PX:.0f}"
-        drawn = "".join(_polyline(line, area) for line in self.lines)
+        drawn = "".join(
+            polylines(to_px(area, line.x, line.y), f"var(--{MEANING[line.role]})", 1.8) for line in self.lines
+        )
         frame = f'<rect x="{LEFT_PX:g}" y="{TOP_PX:g}" width="{width:.1f}" height="{height:.1f}" class="frame"/>'
         parts = (_x_axis(area, self.x_label), _y_axis(area, self.y_label), frame, drawn)
         return f'<svg viewBox="0 0 {size}" role="img" aria-label="{escape(self.title)}">{"".join(parts)}</svg>'
@@ -139,13 +141,16 @@ def thinned(points: np.ndarray) -> np.ndarray:
     return points[rows]
 
 
-def _polyline(line: Line, area: Area) -> str:
-    points = to_px(area, line.x, line.y)
+def polylines(points: np.ndarray, colour: str, width: float) -> str:
+    """A line through points (n, 2) of a drawing, in pieces between its gaps.
+
+    colour: as in CSS.  width: of the line [px].
+    """
     gaps = np.flatnonzero(~np.isfinite(points).all(axis=1))
     runs = [run[np.isfinite(run).all(axis=1)] for run in np.split(points, gaps)]
-    colour = f"var(--{MEANING[line.role]})"
-    drawn = [" ".join(f"{x:.1f},{y:.1f}" for x, y in thinned(run)) for run in runs if len(run)]
-    return "".join(f'<polyline points="{text}" fill="none" stroke="{colour}" stroke-width="1.8"/>' for text in drawn)
+    drawn = [" ".join(f"{x:.1f},{y:.1f}" for x, y in thinned(run)) for run in runs if len(run) > 1]
+    style = f'fill="none" stroke="{colour}" stroke-width="{width:g}"'
+    return "".join(f'<polyline points="{text}" {style}/>' for text in drawn)
 
 
 def _x_axis(area: Area, label: str) -> str:

@@ -197,7 +197,7 @@ def _log(page: Page, details: LogDetails) -> Page:
     )
     residual_mV = 1e3 * np.concatenate(details.residual_V)
     if np.isfinite(residual_mV).any():
-        page = page.plot(pictures.histogram_figure(residual_mV, "Residuals", "Measured - simulated voltage [mV]"))
+        page = page.plot(pictures.residuals_figure(residual_mV))
     rests = list(details.relaxations)
     if len(rests) > _MOST_RELAXATIONS:  # from the first to the last
         rests = [rests[k] for k in np.linspace(0, len(rests) - 1, _MOST_RELAXATIONS).round().astype(int)]
