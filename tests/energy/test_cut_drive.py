@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance, cut_drive
+from ohmward.energy.cut_drive import DriveMeter, DriveSample, advance, cut_drive
 from ohmward.errors import InputError
 
 T = np.arange(0.0, 301.0)
 
 
-def metered(speed, power, terrain="grass", grade=None, time_s=T, cut=None):
+def metered(speed, power, terrain="grass", grade=None, time_s=T):
     """Stretches and energies of a drive, and the meter at its end."""
     meter, found = DriveMeter(), []
     grade = np.zeros(len(time_s)) if grade is None else grade
     names = [terrain] * len(time_s) if isinstance(terrain, str) else terrain
     for row in zip(time_s.tolist(), speed.tolist(), power.tolist(), grade.tolist(), names, strict=True):
-        meter, finished = advance(meter, DriveSample(*row), cut or Cut())
+        meter, finished = advance(meter, DriveSample(*row))
         found += finished
     end = DriveSample(float(time_s[-1]) + 1e6, 0.0, 0.0, 0.0, "")
-    return found + advance(meter, end, cut or Cut())[1]
+    return found + advance(meter, end)[1]
 
 
 def recorded(speed, power, grade=None):
@@ -95,11 +95,6 @@ def test_the_payload_is_that_of_the_drive():
 def test_what_is_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         cut_drive(*arguments)
-
-
-def test_impossible_cuts():
-    with pytest.raises(InputError, match=r"cut\.longest_s must be > 0"):
-        Cut(longest_s=0.0)
 
 
 def test_a_drive_on_two_terrains_with_a_stop_is_that_of_the_recorded_one():

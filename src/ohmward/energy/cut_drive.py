@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
 from ohmward.energy.leg import STEEPEST_RAD, STRETCH_S, Stretch, joined
 from ohmward.errors import InputError
 from ohmward.runs import between, runs
 
+#: Below this speed [m/s] the robot stands, if it does so for at least this time [s].
+STANDS_M_S, STANDS_S = 0.03, 5.0
+#: Longest step [s] between two samples that is bridged.
+BRIDGED_S = 10.0
+#: Time [s] between two heights; with less, pitch noise would count as climbing.
+HEIGHT_S = 10.0
 #: Label of the intervals in which the robot stands.
 _STANDS = -1
 #: Label of the intervals in which something was not measured.
@@ -32,21 +36,6 @@ class Driven(NamedTuple):
     energy_J: float  #: out of the battery; < 0 where it was charged
 
 
-@dataclass(frozen=True)
-class Cut:
-    """Rules for cutting a drive into stretches."""
-
-    longest_s: float = STRETCH_S  #: longest stretch
-    standing_m_s: float = 0.03  #: below this speed the robot stands, if it does so for at least `standing_s`
-    standing_s: float = 5.0  #: shortest time of standing
-    gap_s: float = 10.0  #: a longer step between two samples is not bridged
-    height_s: float = 10.0  #: time between two heights; with less, pitch noise would count as climbing
-
-    def __post_init__(self) -> None:
-        require_each_positive("cut.", self, "longest_s", "gap_s", "height_s")
-        require_each_not_negative("cut.", self, "standing_m_s", "standing_s")
-
-
 def cut_drive(
     time_s: np.ndarray,
     speed_m_s: np.ndarray,
@@ -54,9 +43,8 @@ def cut_drive(
     terrain: Sequence[str] | np.ndarray | str,
     grade_rad: np.ndarray | None = None,
     payload_kg: float = 0.0,
-    cut: Cut | None = None,
 ) -> list[Driven]:
-    """Stretches of a drive in order of time: on one terrain each, standing or moving, none longer than `cut.longest_s`.
+    """Stretches of a drive in order of time: on one terrain each, standing or moving, none longer than `STRETCH_S`.
 
     time_s: (T,) increasing.
     speed_m_s: (T,) forward.  battery_W: (T,) > 0 out of the battery; nan in either is bridged where its neighbours are
@@ -68,17 +56,16 @@ def cut_drive(
     Raises:
         InputError: lengths differ, or nothing was measured long enough to be a stretch.
     """
-    cut = cut or Cut()
     names = np.full(len(time_s), terrain, dtype=object) if isinstance(terrain, str) else np.array(terrain, dtype=object)
     _check(time_s, speed_m_s, battery_W, names, grade_rad)
-    drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad, cut.gap_s)
-    labels = _labels(drive, names, cut)
-    still = _still(drive.speed_m_s, cut)
+    drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad)
+    labels = _labels(drive, names)
+    still = _still(drive.speed_m_s)
     driven = []
-    for intervals in _pieces(time_s, labels, cut.longest_s):
+    for intervals in _pieces(time_s, labels):
         name = "" if still[intervals].all() else names[intervals.start]
         samples = slice(intervals.start, intervals.stop + 1)
-        driven.append(_driven(drive.rows(samples), name, payload_kg, cut))
+        driven.append(_driven(drive.rows(samples), name, payload_kg))
     if not driven:
         raise InputError(
             "the drive has no stretch in which speed and battery power were both measured; check the columns"
@@ -100,57 +87,57 @@ class _BridgedDrive(NamedTuple):
 
 
 def _bridged_drive(
-    time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None, gap_s: float
+    time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None
 ) -> _BridgedDrive:
     """The drive with short gaps bridged; an unknown slope is interpolated between its known neighbours."""
-    speed = between(time_s, speed_m_s, gap_s)
+    speed = between(time_s, speed_m_s, BRIDGED_S)
     grade = np.zeros(len(time_s))
     if grade_rad is not None:
         credible = np.where(np.abs(grade_rad) <= STEEPEST_RAD, grade_rad, np.nan)
         grade = np.nan_to_num(between(time_s, credible))
     height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
-    return _BridgedDrive(time_s, speed, between(time_s, battery_W, gap_s), height_m)
+    return _BridgedDrive(time_s, speed, between(time_s, battery_W, BRIDGED_S), height_m)
 
 
-def _labels(drive: _BridgedDrive, names: np.ndarray, cut: Cut) -> np.ndarray:
+def _labels(drive: _BridgedDrive, names: np.ndarray) -> np.ndarray:
     """(T - 1,) label of each interval: the number of a terrain, standing, or unknown."""
     time_s = drive.time_s
     known = sorted(set(names))
     labels = np.array([known.index(name) for name in names[:-1]])
-    for first, stop in runs(_still(drive.speed_m_s, cut)):
-        if time_s[stop] - time_s[first] >= cut.standing_s:
+    for first, stop in runs(_still(drive.speed_m_s)):
+        if time_s[stop] - time_s[first] >= STANDS_S:
             labels[first:stop] = _STANDS
     measured = np.isfinite(drive.speed_m_s + drive.battery_W)
-    labels[~(measured[:-1] & measured[1:]) | (np.diff(time_s) > cut.gap_s)] = _UNKNOWN
+    labels[~(measured[:-1] & measured[1:]) | (np.diff(time_s) > BRIDGED_S)] = _UNKNOWN
     return labels
 
 
-def _pieces(time_s: np.ndarray, labels: np.ndarray, longest_s: float) -> Iterator[slice]:
+def _pieces(time_s: np.ndarray, labels: np.ndarray) -> Iterator[slice]:
     """Runs of intervals of one known label, cut evenly where they are longer than allowed."""
     changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     for first, stop in pairwise([0, *changes, len(labels)]):
         if labels[first] == _UNKNOWN:
             continue
         start_s, stop_s = time_s[first], time_s[stop]
-        count = max(int(np.ceil((stop_s - start_s) / longest_s)), 1)
+        count = max(int(np.ceil((stop_s - start_s) / STRETCH_S)), 1)
         inner_s = np.linspace(start_s, stop_s, count + 1)[1:-1]
         edges = [first, *np.searchsorted(time_s, inner_s), stop]
         yield from (slice(int(a), int(b)) for a, b in pairwise(edges) if b > a)
 
 
-def _still(speed_m_s: np.ndarray, cut: Cut) -> np.ndarray:
+def _still(speed_m_s: np.ndarray) -> np.ndarray:
     """(T - 1,) True for the intervals with both ends below the speed of standing."""
-    slow = np.abs(speed_m_s) < cut.standing_m_s
+    slow = np.abs(speed_m_s) < STANDS_M_S
     return slow[:-1] & slow[1:]
 
 
-def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, cut: Cut) -> Driven:
+def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float) -> Driven:
     """One stretch from all samples of `drive`, on one terrain, or standing where `terrain` is ""."""
     t, v = drive.time_s, np.abs(drive.speed_m_s)
     duration_s = float(t[-1] - t[0])
     stretch = Stretch(terrain, duration_s, payload_kg=payload_kg)
     if terrain:
-        knots = np.linspace(t[0], t[-1], max(round(duration_s / cut.height_s), 1) + 1)
+        knots = np.linspace(t[0], t[-1], max(round(duration_s / HEIGHT_S), 1) + 1)
         rise_m = np.diff(np.interp(knots, t, drive.height_m))
         stretch = stretch._replace(
             distance_m=float(np.trapezoid(v, t)),
@@ -158,7 +145,7 @@ def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, cut: Cut) -> 
             climb_m=float(rise_m.clip(0).sum()),
             descent_m=float((-rise_m).clip(0).sum()),
             kinetic_m2_s2=float(0.5 * (v[-1] ** 2 - v[0] ** 2)),
-            standing_s=float(np.diff(t)[_still(v, cut)].sum()),
+            standing_s=float(np.diff(t)[_still(v)].sum()),
         )
     return Driven(t[0], t[-1], stretch, float(np.trapezoid(drive.battery_W, t)))
 
@@ -202,23 +189,23 @@ class DriveMeter(NamedTuple):
     measured: DriveSample | None = None  #: last sample with speed and power, until a gap
 
 
-def advance(meter: DriveMeter, now: DriveSample, cut: Cut) -> tuple[DriveMeter, list[Measured]]:
+def advance(meter: DriveMeter, now: DriveSample) -> tuple[DriveMeter, list[Measured]]:
     """The drive after a sample, and the stretches that it has finished.
 
-    A stop shorter than `cut.standing_s` is part of the stretch in which it happens. Samples without speed or power are
-    bridged; where the measured ones are farther apart than `cut.gap_s`, the stretch ends.
+    A stop shorter than `STANDS_S` is part of the stretch in which it happens. Samples without speed or power are
+    bridged; where the measured ones are farther apart than `BRIDGED_S`, the stretch ends.
     """
     before, is_measured = meter.measured, math.isfinite(now.speed_m_s) and math.isfinite(now.battery_W)
-    if before is None or not 0.0 < now.time_s - before.time_s <= cut.gap_s:
+    if before is None or not 0.0 < now.time_s - before.time_s <= BRIDGED_S:
         return DriveMeter(now, measured=now if is_measured else None), list(map(_finished, _ended(meter)))
     if not is_measured:
         return meter._replace(last=now), []
     interval = _interval(before, now)
-    if max(abs(before.speed_m_s), abs(now.speed_m_s)) < cut.standing_m_s:
+    if max(abs(before.speed_m_s), abs(now.speed_m_s)) < STANDS_M_S:
         standing = interval.stretch._replace(standing_s=interval.stretch.time_s)
-        moving, stop, done = _stand(meter, interval._replace(stretch=standing), cut)
+        moving, stop, done = _stand(meter, interval._replace(stretch=standing))
     else:
-        moving, stop, done = _move(meter, interval, cut)
+        moving, stop, done = _move(meter, interval)
     return DriveMeter(now, moving, stop, now), list(map(_finished, done))
 
 
@@ -236,30 +223,30 @@ def _ended(meter: DriveMeter) -> list[Measured]:
 _Step = tuple[Measured | None, Measured | None, list[Measured]]
 
 
-def _stand(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
+def _stand(meter: DriveMeter, interval: Measured) -> _Step:
     """Stretch, stop and finished parts after an interval of standing."""
-    stop = _together(meter.stop, interval, cut)
-    if stop.stretch.time_s < cut.standing_s:
+    stop = _together(meter.stop, interval)
+    if stop.stretch.time_s < STANDS_S:
         return meter.moving, stop, []
     standing = _standing(stop)
     done = [meter.moving] if meter.moving else []
-    if standing.stretch.time_s >= cut.longest_s:
+    if standing.stretch.time_s >= STRETCH_S:
         return None, None, [*done, standing]
     return None, standing, done
 
 
-def _move(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
+def _move(meter: DriveMeter, interval: Measured) -> _Step:
     """Stretch, stop and finished parts after an interval of moving."""
     moving, done = meter.moving, []
     if meter.stop and meter.stop.stretch.terrain:
-        interval = _together(meter.stop, interval, cut)
+        interval = _together(meter.stop, interval)
     elif meter.stop:
         done.append(meter.stop)
     if moving and moving.stretch.terrain != interval.stretch.terrain:
         done.append(moving)
         moving = None
-    moving = _together(moving, interval, cut)
-    if moving.stretch.time_s >= cut.longest_s:
+    moving = _together(moving, interval)
+    if moving.stretch.time_s >= STRETCH_S:
         return None, None, [*done, moving]
     return moving, None, done
 
@@ -285,12 +272,12 @@ def _interval(a: DriveSample, b: DriveSample) -> Measured:
     return Measured(stretch, half_s * (a.battery_W + b.battery_W), rise_m, stretch.time_s)
 
 
-def _together(first: Measured | None, second: Measured, cut: Cut) -> Measured:
+def _together(first: Measured | None, second: Measured) -> Measured:
     """Join two consecutive parts of one stretch; the height gained enters the stretch when that is due."""
     if first is None:
         return second
     both = _joined(first, second)
-    return _finished(both) if both.rise_s >= cut.height_s else both
+    return _finished(both) if both.rise_s >= HEIGHT_S else both
 
 
 def _joined(first: Measured, second: Measured) -> Measured:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmward.energy.balance import DRIVE_TERMS, DriveEnergy, drive_balance, integrate_drive
 from ohmward.energy.consumption import Consumption, begin_drive, energy_demand
-from ohmward.energy.cut_drive import Cut, Driven, cut_drive
+from ohmward.energy.cut_drive import BRIDGED_S, Driven, cut_drive
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
@@ -79,7 +79,7 @@ def observe_motion(
 ) -> BodyMotion:
     """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
 
-    Both are nan before and after the drive, and in its gaps longer than `Cut.gap_s`.
+    Both are nan before and after the drive, and in its gaps longer than `BRIDGED_S`.
 
     terrain: ground assumed at the start.
     """
@@ -90,7 +90,7 @@ def observe_motion(
     if robot.freedoms == 3:  # it also travels sideways, and only its forward part climbs
         forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))
         grade_rad = grade_rad * forward_m_s / np.maximum(speed_m_s, np.finfo(float).tiny)
-    speed, grade = (interpolated(time_s, drive.time_s, values, Cut.gap_s) for values in (speed_m_s, grade_rad))
+    speed, grade = (interpolated(time_s, drive.time_s, values, BRIDGED_S) for values in (speed_m_s, grade_rad))
     level = not track.estimates.grade_std_rad.any() and "pitch_rad" not in drive.channels
     wheels = ObservedWheels(drive, track, scene(free_sideways(robot), terrain))
     return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
@@ -146,7 +146,7 @@ def _balance(
     drive, track, p = wheels
     if not np.isfinite(drive.motor_current_A).any():
         return None
-    at_drive_W = interpolated(drive.time_s, time_s, battery_W, Cut.gap_s)
+    at_drive_W = interpolated(drive.time_s, time_s, battery_W, BRIDGED_S)
     power = drive_balance(drive, track.estimates, p, at_drive_W, standing_power_W(driven))
     return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, p.robot))
 

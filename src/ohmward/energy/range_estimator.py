@@ -76,7 +76,7 @@ class RangeEstimator:
         consumption: as learned before this drive; for the first drive a robot, or the path or name of one, from
             which a broad prior is made.
         days: number of days since the last drive in the consumption.
-        options: see `RangeSettings`: terrain, reserve_soc, cutoff_V, payload_kg, refresh_s, cut.
+        options: see `RangeSettings`: terrain, reserve_soc, cutoff_V, payload_kg, refresh_s.
     """
 
     def __init__(self, battery: Battery, consumption: Consumption | Robot | str, days: float = 0.0, **options: Any):

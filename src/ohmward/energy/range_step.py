@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.soc.clean_sample import sample_limits
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
-from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance
+from ohmward.energy.cut_drive import DriveMeter, DriveSample, advance
 from ohmward.energy.discharge_end import DischargeMeter
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
@@ -72,7 +72,7 @@ class RangeFlag(SampleFlag):
     """
 
     NO_SOC = 1  # no number in [0, 1]: the last one is held; before the first there is no forecast
-    NO_POWER = 2  # current or voltage is missing; where it is for longer than `cut.gap_s`, nothing is learned
+    NO_POWER = 2  # current or voltage is missing; where it is for longer than `BRIDGED_S`, nothing is learned
     NO_SPEED = 4  # likewise
     BAD_TIME = 8  # no number, or late: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
@@ -153,7 +153,6 @@ class RangeSettings:
     cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 if nothing monitors it
     payload_kg: float = 0.0  #: on top of the robot's mass
     refresh_s: float = 60.0  #: time between two forecasts
-    cut: Cut = field(default_factory=Cut)  #: rules for cutting the drive into stretches
 
     def __post_init__(self) -> None:
         require_battery(self.battery)
@@ -203,7 +202,7 @@ class RangeSettings:
 
     def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
         """The state after a sample of the drive; each finished stretch updates the consumption."""
-        meter, finished = advance(state.meter, sample.drive, self.cut)
+        meter, finished = advance(state.meter, sample.drive)
         since_s = sample.drive.time_s - state.meter.last.time_s if state.meter.last else math.nan
         discharge = state.discharge.with_sample(since_s, sample.current_A, sample.voltage_V)
         peak_W = max(state.peak_W, discharge.held_W)
