@@ -101,7 +101,7 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
         tuple(Visits(*(t[name] for name in Visits._fields)) for t in terrains),
         tuple(t["name"] for t in terrains if t["on_this_drive"]),
         data.get("last_drive_unix_s"),
-        _end(data["end"]) if "end" in data else None,
+        DischargeEnd(*(float(data["end"][name]) for name in DischargeEnd._fields)) if "end" in data else None,
     )
     if list(c.names) != list(data["coefficients"]["names"]):
         raise InputError(
@@ -109,10 +109,6 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
             "learn the table again"
         )
     return c
-
-
-def _end(table: Mapping[str, Any]) -> DischargeEnd:
-    return DischargeEnd(*(float(table[name]) for name in DischargeEnd._fields))
 
 
 def _terrain(c: Consumption, k: int) -> dict[str, Any]:

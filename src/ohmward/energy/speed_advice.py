@@ -35,13 +35,7 @@ class SpeedAdvice(NamedTuple):
     idle_dominates: bool  #: True where that is more than half
 
 
-def speed_advice(
-    c: Consumption,
-    terrain: str,
-    speed_m_s: float,
-    limits_m_s: tuple[float, float],
-    payload_kg: float = 0.0,
-) -> SpeedAdvice:
+def speed_advice(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float]) -> SpeedAdvice:
     """Speed advice for level ground of a terrain.
 
     speed_m_s: present speed, > 0.
@@ -53,11 +47,9 @@ def speed_advice(
     _check(c, terrain, speed_m_s, limits_m_s)
 
     def per_metre(v: float) -> np.ndarray:
-        return design_row(c, Stretch(terrain, 1 / v, 1.0, v, payload_kg=payload_kg))
+        return design_row(c, Stretch(terrain, 1 / v, 1.0, v))
 
-    resistance_N, at_1_m_s_N = (
-        mean_pull_N(c, Stretch(terrain, 1.0, 1.0, v, payload_kg=payload_kg)) for v in (0.0, 1.0)
-    )
+    resistance_N, at_1_m_s_N = (mean_pull_N(c, Stretch(terrain, 1.0, 1.0, v)) for v in (0.0, 1.0))
     heat_W_per_N2 = max(c.mean[HEAT], 0.0)
     standing_W = max(c.mean[IDLE], 0.0) + heat_W_per_N2 * resistance_N**2
     drag = max(c.mean[SPEED], 0.0) * per_metre(1.0)[SPEED] + heat_W_per_N2 * (at_1_m_s_N - resistance_N) ** 2
