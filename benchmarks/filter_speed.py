@@ -286,7 +286,7 @@ def ours_on_lanes(case: Case, drive: Drive, precision: str, model: str = "") -> 
 
     def run(steps: int) -> Posterior:
         rows = state.copy()
-        step.many(rows, [c[:steps] for c in samples], [r[:steps] for r in results], None, threads=1)
+        step.many(rows, [c[:steps] for c in samples], [r[:steps] for r in results], threads=1)
         return posterior(shaped(structure, rows[:, 0].tolist()))
 
     return Contestant("ohmward", f"machine code, {precision}{model}", LANE_STEPS, run)

@@ -181,8 +181,8 @@ def ways(estimator: Any, drive: Drive) -> dict[str, Callable[[], object]]:
         "python": partial(python.scan, state, drive.first(1000).samples),
         "machine": partial(machine.scan, state, drive.samples),
         "lanes": partial(python.scan_lanes, state, quarter),
-        "f64": lambda: step.many(rows.copy(), list(lanes), outputs, None, threads=1),
-        "f32": lambda: single.many(rows.copy(), list(lanes), outputs, None, threads=1),
+        "f64": lambda: step.many(rows.copy(), list(lanes), outputs, threads=1),
+        "f32": lambda: single.many(rows.copy(), list(lanes), outputs, threads=1),
     }
 
 

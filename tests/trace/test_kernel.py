@@ -261,13 +261,6 @@ def test_inputs_are_not_modified(kernel):
     assert pickle.dumps((start, INFLOW, DT)) == before
 
 
-def test_lanes_report_progress(kernel, monkeypatch):
-    monkeypatch.setattr(lanes, "BLOCK_LANES", 4)
-    reports = []
-    kernel.scan_lanes(START, Sample(INFLOW, DT), progress=lambda done, total: reports.append((done, total)))
-    assert reports == [(STEPS, 2 * STEPS), (2 * STEPS, 2 * STEPS)]
-
-
 @pytest.mark.parametrize(
     "samples, words",
     [
@@ -315,7 +308,7 @@ def test_functions_that_are_no_steps_can_be_called_but_not_scanned(step, words):
 
 def test_sources_can_be_read_and_explained(kernel):
     assert "def step(tank_level, tank_flows_0, tank_flows_1, tank_full, sample_inflow, sample_dt_s):" in kernel.source()
-    assert "for k in range(first, last):" in kernel.source("numpy")
+    assert "for k in range(steps):" in kernel.source("numpy")
     assert "define void @" in kernel.source("llvm")
     assert "fill: " in kernel.explain()
     with pytest.raises(InputError, match='"python", "numpy" or "llvm", got \'c\''):

@@ -28,7 +28,8 @@ Condition = Union["Expression", bool]
 _LARGEST_PRODUCT = 16
 
 _serials = count()
-_NOT_THE_CALLER = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
+#: Folders of the compiler and of NumPy, whose functions count as part of the one that called them.
+OF_THE_CALLER = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
 
 
 class TraceError(OhmwardError, TypeError):
@@ -336,7 +337,7 @@ def describe(x: Any, depth: int = 3) -> str:
 def _refuse(advice: str) -> TraceError:
     """TraceError that names the line of the caller's code."""
     frame = sys._getframe(2)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(_NOT_THE_CALLER):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(OF_THE_CALLER):
         frame = frame.f_back
     return TraceError(f"{frame.f_code.co_filename}:{frame.f_lineno}: {advice}")
 

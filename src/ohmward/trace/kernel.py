@@ -103,21 +103,20 @@ class Kernel:
             worth,
         )
 
-    def scan_lanes(self, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+    def scan_lanes(self, state: Any, samples: Any) -> tuple[Any, Any]:
         """Step through many logs of the same length at once, one per lane.
 
         state:    every leaf with a trailing lane axis (..., B), or without it: the same for all lanes.
         samples:  every leaf with a leading time axis and a trailing lane axis (T, ..., B), or (T, ...) for all lanes,
                   or neither.
-        progress: called now and then with (steps done, T times the number of blocks of lanes).
         Returns:  as `scan`, with a trailing lane axis on every leaf; each log is contiguous in memory if those of the
                   samples are, as in the transpose of (B, T).
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
         length, steps = self._steps(samples)
         return self._run(
-            lambda: llvm_logs.run_lanes(self.machine, state, samples, progress),
-            lambda: lanes.run(self._lanes, self.program.step_structure, state, samples, progress),
+            lambda: llvm_logs.run_lanes(self.machine, state, samples),
+            lambda: lanes.run(self._lanes, self.program.step_structure, state, samples),
             length >= WORTH_STEPS or steps >= WORTH_LANE_STEPS,
         )
 
@@ -164,8 +163,8 @@ class Kernel:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as the function and its examples; the other process traces again."""
-        settings = {"constants": self.constants, "lowering": self.lowering}
-        return partial(Kernel, **settings), (self.function, *self.examples)
+        make = partial(Kernel, constants=self.constants, lowering=self.lowering)
+        return make, (self.function, *self.examples)
 
     @cached_property
     def machine(self) -> MachineStep:

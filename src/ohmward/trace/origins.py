@@ -19,13 +19,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace.expression import Expression, next_serial
+from ohmward.trace.expression import OF_THE_CALLER, Expression, next_serial
 
 _PACKAGE = Path(__file__).parents[1]
-#: Functions of the compiler, of NumPy and of Python itself count as part of the one that called them.
-_OF_THE_CALLER = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
-#: ... except look-ups, whose variables have names.
+#: Look-ups, whose variables have names, do not count as part of the function that called them.
 _TABLES = str(Path(__file__).with_name("table.py"))
+#: Folder of Python itself, whose functions count as part of the one that called them, too.
 _PYTHONS_OWN = f"{Path(os.__file__).parent}{os.sep}"
 _HAS_DOCSTRING = 0x4000000  # since Python 3.13
 #: A shorter name is replaced by a longer one of the calling function.
@@ -123,7 +122,7 @@ def _counts(code: CodeType) -> bool:
 @cache
 def _file_counts(file: str) -> bool:
     is_pythons = file.startswith(_PYTHONS_OWN) and "site-packages" not in file
-    is_callers = file.startswith(_OF_THE_CALLER) and file != _TABLES
+    is_callers = file.startswith(OF_THE_CALLER) and file != _TABLES
     return not (is_pythons or is_callers)
 
 

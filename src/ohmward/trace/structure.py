@@ -84,11 +84,11 @@ def size(structure: Structure) -> int:
     return sum(leaf.size for _, leaf in leaves(structure))
 
 
-def scalar_names(structure: Structure, path: str = "") -> list[str]:
+def scalar_names(structure: Structure) -> list[str]:
     """Name of every scalar, in order: `belief.mean[0]`, ..."""
     return [
         f"{name}[{','.join(map(str, index))}]" if leaf.shape else name
-        for name, leaf in leaves(structure, path)
+        for name, leaf in leaves(structure)
         for index in np.ndindex(*leaf.shape)
     ]
 

@@ -67,12 +67,6 @@ def test_many_logs_that_share_a_column_or_come_transposed():
     assert_alike(IN_MACHINE_CODE.scan_lanes(START, logs), IN_PYTHON.scan_lanes(START, logs))
 
 
-def test_progress_ends_at_the_total():
-    told = []
-    IN_MACHINE_CODE.scan_lanes(START, samples(30, 9), lambda done, total: told.append((done, total)))
-    assert told[-1] == (270, 270)
-
-
 @pytest.mark.parametrize("lengths", [(100,), (60, 40)])
 def test_auto_takes_machine_code_once_the_logs_of_a_kernel_pay_for_it(monkeypatch, lengths):
     monkeypatch.setattr(kernel, "WORTH_STEPS", sum(lengths))

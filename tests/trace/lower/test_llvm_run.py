@@ -69,7 +69,7 @@ def test_every_lane_is_a_log_of_its_own(lanes, threads):
     step = MachineStep(PROGRAM, STATE_SIZE, contract=False)
     columns = a_log(60, lanes)
     state, outputs = np.repeat(START[:, None], lanes, axis=1), np.empty((OUTPUTS, 60, lanes))
-    step.many(state, columns, list(outputs), None, threads)
+    step.many(state, columns, list(outputs), threads)
     for lane in range(lanes):
         after, wanted = in_machine_code(step, [np.ascontiguousarray(c[:, lane]) for c in columns])
         np.testing.assert_array_equal(outputs[:, :, lane], wanted)
@@ -81,18 +81,10 @@ def test_a_column_may_be_the_same_for_all_lanes_or_all_times():
     u, _, w = a_log(40, WIDTH)
     shared, held = np.ascontiguousarray(w[:, 0]), np.broadcast_to(1.0, 40)
     state, outputs = np.repeat(START[:, None], WIDTH, axis=1), np.empty((OUTPUTS, 40, WIDTH))
-    step.many(state, [u, held, shared], list(outputs), None, 1)
+    step.many(state, [u, held, shared], list(outputs), 1)
     for lane in range(WIDTH):
         _, wanted = in_machine_code(step, [np.ascontiguousarray(u[:, lane]), np.ones(40), shared])
         np.testing.assert_array_equal(outputs[:, :, lane], wanted)
-
-
-def test_progress_comes_to_its_end():
-    done: list[int] = []
-    columns = a_log(50, WIDTH + 1)
-    state, outputs = np.repeat(START[:, None], WIDTH + 1, axis=1), np.empty((OUTPUTS, 50, WIDTH + 1))
-    MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), done.append, 1)
-    assert sum(done) == 50 * (WIDTH + 1)
 
 
 def test_sample_by_sample_is_the_whole_log():
@@ -139,7 +131,7 @@ def test_threads_that_start_together_share_one_compilation(monkeypatch):
     monkeypatch.setattr(llvm_run, "compile_scan", counted)
     columns = a_log(5, 8 * WIDTH)
     state, outputs = np.repeat(START[:, None], 8 * WIDTH, axis=1), np.empty((OUTPUTS, 5, 8 * WIDTH))
-    MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), None, threads=8)
+    MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), threads=8)
     assert len(compiled) == 1
 
 

@@ -57,7 +57,7 @@ def in_lanes(program, state, columns):
     """The same of one log among many: logs in the lanes of a vector, members one after the other."""
     outputs = [np.empty((len(columns[0]), 1)) for _ in program.outputs[len(state) :]]
     after = np.array(state, dtype=float)[:, None]
-    MachineStep(program, len(state), contract=False).many(after, columns, outputs, None, 1)
+    MachineStep(program, len(state), contract=False).many(after, columns, outputs, 1)
     return after[:, 0], np.array(outputs)[:, :, 0]
 
 

@@ -3,7 +3,7 @@
 A block of lanes runs through its whole log before the next block starts, so that its registers stay in the cache.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,25 +17,14 @@ from ohmward.trace.structure import Leaf, Structure, leaves, unflatten
 #: Number of lanes that run together: the overhead of a NumPy call equals its work on 1000 to 2000 lanes, and the
 #: registers of a seven-state filter with 4096 lanes take 3 MB of the cache.
 BLOCK_LANES = 4096
-#: Steps between two reports of progress.
-_REPORTED_STEPS = 4096
 
 
-def run(
-    lanes: Lanes,
-    structure: StepStructure,
-    state: Any,
-    samples: Any,
-    progress: Callable[[int, int], None] | None = None,
-) -> tuple[Any, Any]:
+def run(lanes: Lanes, structure: StepStructure, state: Any, samples: Any) -> tuple[Any, Any]:
     """Run every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
     batch = make_batch(structure, state, samples)
     final = [np.empty(batch.width, r.dtype) for r in batch.rows]
-    starts = range(0, batch.width, BLOCK_LANES)
-    report = reporter(progress, batch.steps * len(starts))
-    for start in starts:
-        part = slice(start, min(start + BLOCK_LANES, batch.width))
-        _run_block(lanes, batch, final, part, report)
+    for start in range(0, batch.width, BLOCK_LANES):
+        _run_block(lanes, batch, final, slice(start, min(start + BLOCK_LANES, batch.width)))
     return state_tree(structure.state, final, batch.width), unflatten(structure.output, iter(batch.outputs))
 
 
@@ -77,8 +66,8 @@ def _output(leaf: Leaf, count: int, width: int, by_log: bool) -> np.ndarray:
     return np.empty((count, *leaf.shape, width), leaf.dtype)
 
 
-def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice, report: Callable[[int], None]) -> None:
-    width, count = part.stop - part.start, batch.steps
+def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice) -> None:
+    width = part.stop - part.start
     states = _rows(width, [r.dtype for r in batch.rows])
     for state, row in zip(states, batch.rows, strict=True):
         state[:] = row[part]
@@ -86,11 +75,8 @@ def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice,
     samples = [c[:, part] if c.ndim == 2 else c for c in batch.columns]
     outputs = [v[:, part] for v in batch.views]
     index = np.empty(width, dtype=np.intp)
-    for first in range(0, count, _REPORTED_STEPS):
-        last = min(first + _REPORTED_STEPS, count)
-        with np.errstate(all="ignore"):
-            states, registers = lanes.scan(states, registers, samples, outputs, index, first, last)
-        report(last - first)
+    with np.errstate(all="ignore"):
+        states = lanes.scan(states, registers, samples, outputs, index, batch.steps)
     for whole, block in zip(final, states, strict=True):
         whole[part] = block
 
@@ -99,19 +85,6 @@ def _rows(width: int, kinds: Sequence[Any]) -> list[np.ndarray]:
     """Uninitialised arrays (width,), side by side in memory."""
     floats, flags = iter(np.empty((len(kinds), width))), iter(np.empty((len(kinds), width), dtype=bool))
     return [next(flags if np.dtype(kind) == np.bool_ else floats) for kind in kinds]
-
-
-def reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
-    """Function that adds up the steps done and reports them to `progress`."""
-    done = 0
-
-    def report(steps: int) -> None:
-        nonlocal done
-        done += steps
-        if progress:
-            progress(done, total)
-
-    return report
 
 
 def _lane_count(states: Iterable[LeafArray], values: Iterable[LeafArray]) -> int:

@@ -33,15 +33,14 @@ def run_log(
     return shaped(structure.state, row.tolist()), _typed(structure.output, results)
 
 
-def run_lanes(step: MachineStep, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+def run_lanes(step: MachineStep, state: Any, samples: Any) -> tuple[Any, Any]:
     """Step through many logs; see `Kernel.scan_lanes`."""
     structure = step.program.step_structure
     batch = lanes.make_batch(structure, state, samples)
     rows = np.array(batch.rows, dtype=float).reshape(-1, batch.width)
     results = [o if o.dtype == float else np.empty_like(o, float) for o in batch.outputs]
     scalars = [v for r in results for v in np.moveaxis(r.reshape(batch.steps, -1, batch.width), 1, 0)]
-    report = lanes.reporter(progress, batch.steps * batch.width)
-    step.many(rows, _doubles(batch.columns), scalars, report, processors())
+    step.many(rows, _doubles(batch.columns), scalars, processors())
     return lanes.state_tree(structure.state, list(rows), batch.width), _typed(structure.output, results)
 
 

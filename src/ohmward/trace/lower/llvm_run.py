@@ -35,9 +35,8 @@ _LEAST_STEPS = 64
 #: Doubles between the rows of the state of many logs: one cache line.
 _PADDING = 8
 
-#: Called with (steps done, all steps), and with the steps done since the last call.
+#: Called with (steps done, all steps).
 Progress = Callable[[int, int], None]
-Report = Callable[[int], None]
 
 Columns = Sequence[np.ndarray]
 
@@ -102,25 +101,23 @@ class MachineStep:
             if progress:
                 progress(last, count)
 
-    def many(self, state: np.ndarray, columns: Columns, outputs: Columns, report: Report | None, threads: int) -> None:
+    def many(self, state: np.ndarray, columns: Columns, outputs: Columns, threads: int) -> None:
         """Step through logs of one length, a log in each lane; state (n, B), columns (T, B) or (T,), outputs (T, B)."""
         lanes = state.shape[1]
         full = lanes - lanes % self.width
         parts = [slice(a, b) for a, b in _shares(full, self.width, threads)]
         rows = _apart(state)
-        run = partial(self._blocks, rows, columns, outputs, report=report)
+        run = partial(self._blocks, rows, columns, outputs)
         if len(parts) > 1:
             with ThreadPoolExecutor(len(parts)) as pool:
                 list(pool.map(run, parts))
         else:  # another thread would begin with an empty cache
             list(map(run, parts))
         if full < lanes:
-            self._rest(rows, columns, outputs, slice(full, lanes), report)
+            self._rest(rows, columns, outputs, slice(full, lanes))
         state[:] = rows
 
-    def _blocks(
-        self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None
-    ) -> None:
+    def _blocks(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice) -> None:
         """Step the lanes of a part, in chunks of steps whose samples and outputs stay in the cache.
 
         Columns and outputs whose lanes are not adjacent in memory, as with whole logs, go through a table of that size.
@@ -131,25 +128,25 @@ class MachineStep:
         chunk = min(max(_LEAST_STEPS, _CACHE // max(1, bytes_of_step)), count)
         tables = {id(c): np.empty((chunk, width)) for c in (*columns, *outputs) if c.ndim == 2 and lanes_apart(c)}
         rows = state[:, part]
+
+        def memory_of(c: np.ndarray, steps: slice) -> np.ndarray:
+            if id(c) in tables:
+                return tables[id(c)]
+            return c[steps] if c.ndim == 1 else c[steps, part]
+
         for first in range(0, count, chunk):
             steps = slice(first, min(first + chunk, count))
             size = steps.stop - steps.start
             for c in columns:
                 if id(c) in tables:
                     tables[id(c)][:size] = c[steps, part]
-            there = [
-                tables[id(c)] if id(c) in tables else c[steps] if c.ndim == 1 else c[steps, part]
-                for c in (*columns, *outputs)
-            ]
-            arrays = _Arrays(there[: len(columns)]), _Arrays(there[len(columns) :])
-            _call(run, rows, rows.strides[0], *arrays, 0, size, 0, width)
+            here, there = (_Arrays([memory_of(c, steps) for c in group]) for group in (columns, outputs))
+            _call(run, rows, rows.strides[0], here, there, 0, size, 0, width)
             for c in outputs:
                 if id(c) in tables:
                     c[steps, part] = tables[id(c)][:size]
-            if report:
-                report(size * width)
 
-    def _rest(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None) -> None:
+    def _rest(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice) -> None:
         """Step the last lanes, too few for a vector, in a vector filled up with copies of the last of them."""
         lanes = part.stop - part.start
         count = len(columns[0])
@@ -160,12 +157,10 @@ class MachineStep:
         padded = filled_up(state)
         own = [filled_up(c) if c.ndim == 2 else c for c in columns]
         results = [np.empty((count, self.width)) for _ in outputs]
-        self._blocks(padded, own, results, slice(0, self.width), None)
+        self._blocks(padded, own, results, slice(0, self.width))
         state[:, part] = padded[:, :lanes]
         for whole, result in zip(outputs, results, strict=True):
             whole[:, part] = result[:, :lanes]
-        if report:
-            report(count * lanes)
 
 
 class OneStep:

@@ -19,8 +19,7 @@ from ohmward.trace.program import Program
 class Lanes:
     """A compiled loop over time for one block of lanes."""
 
-    #:      (states, registers, samples, outputs, index, first, last) -> (states, registers)
-    scan: Callable[..., tuple[list[np.ndarray], list[np.ndarray]]]
+    scan: Callable[..., list[np.ndarray]]  #:      (states, registers, samples, outputs, index, steps) -> states
     source: str  #:    its text
     registers: tuple[type, ...]  #: dtype of every scratch register
 
@@ -76,16 +75,15 @@ def compile_lanes(program: Program, state_size: int) -> Lanes:
     _write_operations(loop)
     final = _write_results(loop)
     source = _source(loop, final)
-    namespace: dict[str, Any] = {name: _constant(value) for name, value in loop.constants.values()}
+    namespace: dict[str, Any] = {
+        # as arrays, which NumPy takes without converting
+        name: np.array(value, dtype=_kind(value))
+        for name, value in loop.constants.values()
+    }
     names = {node.operation.name for node in program.nodes} - set(_STEPWISE)
     namespace |= {name: getattr(np, name) for name in names} | {"copyto": np.copyto}
     exec(compile(source, "<ohmward trace: lanes>", "exec"), namespace)
     return Lanes(namespace["scan"], source, tuple(loop.arrays.registers))
-
-
-def _constant(value: Any) -> np.ndarray:
-    """Constants as arrays: NumPy takes them without converting."""
-    return np.array(value, dtype=bool if isinstance(value, bool) else float)
 
 
 def _place_inputs(loop: _LaneLoop) -> None:
@@ -193,13 +191,13 @@ def _source(loop: _LaneLoop, final: list[str]) -> str:
     ]
     return "\n".join(
         [
-            "def scan(states, registers, samples, outputs, index, first, last):",
+            "def scan(states, registers, samples, outputs, index, steps):",
             f"    [{', '.join(states)}] = states",
             f"    [{', '.join(registers)}] = registers",
             f"    [{', '.join(f'X{i}' for i in samples)}] = samples",
             f"    [{', '.join(f'Y{i}' for i in outputs)}] = outputs",
-            "    for k in range(first, last):",
+            "    for k in range(steps):",
             *(f"        {line}" for line in body or ["pass"]),
-            f"    return [{', '.join(states)}], [{', '.join(registers)}]",
+            f"    return [{', '.join(states)}]",
         ]
     )
