@@ -216,7 +216,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)
     given, idle_A = args.rest_current, battery.idle_current_A
-    rest_A = idle_A if given is None else None if given == UNKNOWN else given
+    rest_A = {None: idle_A, UNKNOWN: None}.get(given, given)
     if given is not None and idle_A is not None and given != idle_A:
         word = given if given == UNKNOWN else f"{given:g} A"
         warnings.append(_contradiction(f"--rest-current {word}", f"{idle_A:g} A"))

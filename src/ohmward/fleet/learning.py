@@ -90,9 +90,11 @@ def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tup
     rows = dict(reading.where) | where
     file = open_table(path)
     column = serial_column(file.names)
-    found = [] if column is None else [str(rows[column])] if column in rows else labels_in(file, column)
+    if column is None:
+        return [(text, "")]
+    found = [str(rows[column])] if column in rows else labels_in(file, column)
     if len(found) < 2:
-        return [(text, found[0] if found else "")]
+        return [(text, "".join(found))]
     parts = [(f"{text}{',' if where else ':'}{column}={serial}", serial) for serial in found]
     if files.one_for_each:
         return parts

@@ -62,7 +62,8 @@ def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | No
         raise InputError(f"by={by!r} (--by {by}): no log has {what}; name another column, or one of {', '.join(WAYS)}")
     labels = {text: label for text, file in files.items() if (label := _label(file, finds)) is not None}
     readable = [text for text, file in files.items() if text in labels or _has_rows(text, file)]
-    way = _way(readable, labels) if by == AUTO else by if by in (NAME, FOLDER) else ALONE
+    otherwise = by if by in (NAME, FOLDER) else ALONE
+    way = _way(readable, labels) if by == AUTO else otherwise
     found = _assigned(readable, labels, way)
     is_split = any(len(label.robots) > 1 for label in labels.values())
     if by == AUTO and not is_split and all(len(logs) == 1 for logs in found.logs.values()):

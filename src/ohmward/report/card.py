@@ -59,9 +59,10 @@ def _curves(figure: Figure) -> str:
     lines = [series for series in figure.series if series.axis == "left" and np.isfinite(series.y).any()]
     if not lines:
         return ""
-    visible = [v[np.isfinite(v)] for v in [*(s.y for s in lines), *(v for b in figure.bands for v in (b.low, b.high))]]
+    edges = [edge for band in figure.bands for edge in (band.low, band.high)]
+    drawn = np.concatenate([*(series.y for series in lines), *edges])
     x_low, x_high = float(min(s.x[0] for s in lines)), float(max(s.x[-1] for s in lines))
-    low, high = figure.y_limits or (min(v.min() for v in visible if v.size), max(v.max() for v in visible if v.size))
+    low, high = figure.y_limits or (np.nanmin(drawn), np.nanmax(drawn))
     scale = np.array([_CARD_WIDTH / ((x_high - x_low) or 1.0), _CARD_HEIGHT / ((float(high) - float(low)) or 1.0)])
     corner = np.array([x_low, float(low)])
     names = colours([series.role for series in lines])

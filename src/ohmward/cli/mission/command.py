@@ -220,7 +220,7 @@ def describe(f: Mapping[str, Any]) -> str:
 def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
-        "drive": "",
+        "drive": drive_text(f["drive"]) if f["drive"] else "",
         "SoC": f"{percent(f['soc'], 1)}, std {percent(f['soc_std'], 1)}; {percent(f['reserve_soc'], 0)} is the reserve",
         "usable energy": quantiles(f["usable_J"], "Wh", 1 / SECONDS_PER_HOUR),
         "range left": quantiles(f["range_m"], "m"),
@@ -228,14 +228,15 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "energy ahead": quantiles(f["energy_J_per_m"], "J/m"),
         "idle power": f"{f['idle_W']:.3g} W, std {f['idle_std_W']:.2g} W",
     }
-    drive: RecordFigures | None = f["drive"]
-    if drive is None:
-        del rows["drive"]
-        return rows
+    return {name: text for name, text in rows.items() if text}
+
+
+def drive_text(drive: RecordFigures) -> str:
+    """Length, duration and energy of a drive."""
     used_Wh = drive.energy_J / SECONDS_PER_HOUR
     driven = f"{quantity(drive.distance_m, 'm', digits=4)} in {duration(drive.used_s)}, {used_Wh:.3g} Wh"
     cost = f"cost of transport {quantity(drive.cost_of_transport, '')}"
-    return rows | {"drive": f"{driven}, {quantity(drive.energy_J_per_m, 'J/m')}, {cost}"}
+    return f"{driven}, {quantity(drive.energy_J_per_m, 'J/m')}, {cost}"
 
 
 def quantiles(values: Quantiles, unit: str, scale: float = 1.0) -> str:

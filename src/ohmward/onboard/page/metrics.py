@@ -118,7 +118,8 @@ def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]
             key = "_".join(path)
             about = {"name": label, "unique_id": f"{node}_{key}", "state_class": of_state}
             about |= {"unit_of_measurement": unit} if unit else {}
-            about |= {"device_class": "energy" if unit == "kWh" else kind} if kind or unit == "kWh" else {}
+            kind = "energy" if unit == "kWh" else kind
+            about |= {"device_class": kind} if kind else {}
             yield f"sensor/{node}/{key}/config", common | about | {"value_template": _template(path, scale)}
     alarm = {"name": "Alarm", "unique_id": f"{node}_alarm", "device_class": "problem"}
     alarm |= {"value_template": "{{ 'ON' if value_json.alarms else 'OFF' }}"}
