@@ -24,7 +24,7 @@ def a_prediction(seed):
     rng = np.random.default_rng(seed)
     c = with_terrain(start(PRIOR), "grass")
     truth = rng.multivariate_normal(c.mean, c.cov)
-    sigma, tau = (np.sqrt(v.scale / rng.chisquare(v.dof)) for v in (c.scatter, c.day))
+    sigma, tau = (np.sqrt(v.sum / rng.chisquare(v.dof)) for v in (c.scatter, c.day))
 
     def spent(stretch):
         scatter = sigma * np.sqrt(scatter_weight(c, stretch))

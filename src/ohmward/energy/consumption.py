@@ -398,16 +398,16 @@ class Variance(NamedTuple):
     """A variance with an inverse-gamma distribution."""
 
     dof: float  #: degrees of freedom of its distribution
-    scale: float  #: dof times its value
+    sum: float  #: dof times its value
 
     @property
     def value(self) -> float:
         """Value of the variance for computations."""
-        return self.scale / self.dof
+        return self.sum / self.dof
 
     def updated(self, square: float, dof: float) -> Variance:
         """The variance after a squared deviation that counts as `dof` degrees of freedom."""
-        return Variance(float(self.dof + dof), float(self.scale + square))
+        return Variance(float(self.dof + dof), float(self.sum + square))
 
 
 class Visits(NamedTuple):

@@ -60,8 +60,8 @@ def dump_consumption(c: Consumption) -> str:
         **clock,
         **end,
         "prior": asdict(c.prior),
-        "scatter": _variance(c.scatter),
-        "day": _variance(c.day),
+        "scatter": c.scatter._asdict(),
+        "day": c.day._asdict(),
         "terrain": [_terrain(c, k) for k in range(len(c.terrains))],
         "coefficients": {"names": list(c.names), "mean": c.mean.tolist(), "cov": c.cov.tolist()},
     }
@@ -96,12 +96,12 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
         np.array(data["coefficients"]["mean"], dtype=float),
         np.array(data["coefficients"]["cov"], dtype=float),
         tuple(float(t["reference_N"]) for t in terrains),
-        Variance(float(data["scatter"]["dof"]), float(data["scatter"]["sum"])),
-        Variance(float(data["day"]["dof"]), float(data["day"]["sum"])),
+        _numbers(Variance, data["scatter"]),
+        _numbers(Variance, data["day"]),
         tuple(Visits(*(t[name] for name in Visits._fields)) for t in terrains),
         tuple(t["name"] for t in terrains if t["on_this_drive"]),
         data.get("last_drive_unix_s"),
-        DischargeEnd(*(float(data["end"][name]) for name in DischargeEnd._fields)) if "end" in data else None,
+        _numbers(DischargeEnd, data["end"]) if "end" in data else None,
     )
     if list(c.names) != list(data["coefficients"]["names"]):
         raise InputError(
@@ -117,8 +117,9 @@ def _terrain(c: Consumption, k: int) -> dict[str, Any]:
     return {"name": name, **c.visits[k]._asdict(), **there}
 
 
-def _variance(v: Variance) -> dict[str, float]:
-    return {"dof": v.dof, "sum": v.scale}
+def _numbers(kind: Any, table: Mapping[str, Any]) -> Any:
+    """The record of numbers in a table."""
+    return kind(*(float(table[name]) for name in kind._fields))
 
 
 def _line(c: Consumption, name: str) -> str:
