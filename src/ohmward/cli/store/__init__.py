@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import math
+import re
 from datetime import datetime
 
 from ohmward.cli.parser import count
@@ -51,15 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def moment(text: str) -> float:
     """Seconds since 1970 of a date and time, or of a time before now: `10min`, `2h`, `3d`."""
-    for word, seconds in sorted(_BACK.items(), key=lambda item: -len(item[0])):
-        if text.endswith(word):
-            try:
-                back = float(text[: -len(word)])
-            except ValueError:
-                break
-            if math.isfinite(back) and back >= 0:
-                return datetime.now().timestamp() - back * seconds
+    ago = re.fullmatch(r"([\d.]{1,15}) *(s|min|h|d)", text)
     try:
+        if ago:
+            return datetime.now().timestamp() - float(ago[1]) * _BACK[ago[2]]
         return datetime.fromisoformat(text).timestamp()
     except (ValueError, OverflowError, OSError):
         raise argparse.ArgumentTypeError(
