@@ -4,6 +4,7 @@ A literal 0.0 is a structural zero ("does not depend on"): multiplied or divided
 keeps Jacobians and block-diagonal covariances sparse.
 
 Each rule takes `apply` and the arguments, at least one of them an expression, and returns the simpler scalar or None.
+Of the arguments of a commutative operation a constant comes first.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ def _is(x: Any, value: float) -> bool:
 
 
 def _is_result_of(name: str, x: Any) -> bool:
-    return not isinstance(x, float | bool) and x.operation.name == name
+    return type(x) is not float and type(x) is not bool and x.operation.name == name
 
 
 def _negated(x: Any) -> Any:
@@ -29,8 +30,6 @@ def _negated(x: Any) -> Any:
 def _add(apply: Apply, a: Any, b: Any) -> Any:
     if _is(a, 0.0):
         return b
-    if _is(b, 0.0):
-        return a
     if (c := _negated(b)) is not None:
         return apply("subtract", a, c)
     if (c := _negated(a)) is not None:
@@ -49,18 +48,17 @@ def _subtract(apply: Apply, a: Any, b: Any) -> Any:
 
 
 def _multiply(apply: Apply, a: Any, b: Any) -> Any:
-    for x, y in ((a, b), (b, a)):
-        if _is(x, 0.0):
-            return 0.0
-        if _is(x, 1.0):
-            return y
-        if _is(x, -1.0):
-            return apply("negative", y)
-        if (c := _negated(x)) is not None and type(y) is float:
-            return apply("multiply", c, -y)
-    if (c := _negated(a)) is not None and (d := _negated(b)) is not None:
-        return apply("multiply", c, d)
-    return None
+    if _is(a, 0.0):
+        return 0.0
+    if _is(a, 1.0):
+        return b
+    if _is(a, -1.0):
+        return apply("negative", b)
+    if (d := _negated(b)) is None:
+        return None
+    if type(a) is float:
+        return apply("multiply", -a, d)
+    return None if (c := _negated(a)) is None else apply("multiply", c, d)
 
 
 def _divide(apply: Apply, a: Any, b: Any) -> Any:

@@ -11,7 +11,7 @@ import sys
 from itertools import count
 from pathlib import Path
 from typing import Any, Union
-from weakref import WeakValueDictionary
+from weakref import ref
 
 import numpy as np
 
@@ -206,36 +206,46 @@ def apply(name: str, *args: Any) -> Scalar:
     if Expression not in map(type, args):
         value: Scalar = operation.compute(*args)
         return value
-    if operation.commutative and _order(args[1]) < _order(args[0]):
-        args = args[1], args[0]
+    if operation.commutative:
+        a, b = args
+        if type(b) is not Expression or (type(a) is Expression and b.serial < a.serial):
+            args = b, a
     rule = RULES.get(name)
     simpler: Scalar | None = rule(apply, *args) if rule else None
     return _node(operation, args) if simpler is None else simpler
 
 
-_nodes: WeakValueDictionary[tuple[Any, ...], Expression] = WeakValueDictionary()
+class _Reference(ref[Expression]):
+    """Weak reference to a node under its key."""
+
+    __slots__ = ("key",)
+    key: tuple[Any, ...]
+
+
+#: Every node that is in use.
+_nodes: dict[tuple[Any, ...], _Reference] = {}
 
 
 def _node(operation: Operation, args: tuple[Any, ...]) -> Expression:
-    key = (operation.name, *map(_key, args))
-    node = _nodes.get(key)
+    key = (operation.name, *[arg.serial if type(arg) is Expression else constant_key(arg) for arg in args])
+    found = _nodes.get(key)
+    node = found() if found else None
     if node is None:
-        node = _nodes[key] = Expression(operation, args, "", operation.boolean)
+        node = Expression(operation, args, "", operation.boolean)
+        reference = _nodes[key] = _Reference(node, _forget)
+        reference.key = key
     return node
 
 
-def _key(arg: Any) -> Any:
-    """Key under which equal arguments are found: serial of a node, value of a constant (0.0 is not -0.0)."""
-    return arg.serial if isinstance(arg, Expression) else constant_key(arg)
+def _forget(reference: _Reference) -> None:
+    """Remove a node that is no longer in use."""
+    if _nodes.get(reference.key) is reference:
+        del _nodes[reference.key]
 
 
 def constant_key(value: Any) -> Any:
     """Key under which equal constants are found: 0.0 is not -0.0."""
     return (value, math.copysign(1.0, value)) if isinstance(value, float) else value
-
-
-def _order(arg: Any) -> float:
-    return arg.serial if isinstance(arg, Expression) else -1
 
 
 #: Types of the constants of a formula, and of everything that may occur in one; arrays are left to NumPy.

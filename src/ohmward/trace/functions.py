@@ -11,6 +11,10 @@ import numpy as np
 
 from ohmward.trace.expression import Expression, Scalar, apply, condition, number, select
 
+#: Types of scalars without and with traced values; a function need look no further at these.
+_FLOATS = frozenset({float, np.float64, bool, np.bool_})
+_SCALARS = _FLOATS | {Expression}
+
 
 def is_traced(x: Any) -> bool:
     """True for a traced scalar and for an array that may hold some."""
@@ -22,6 +26,11 @@ def elementwise(scalar: Callable[..., Scalar], floats: Callable[..., Any], arity
     traced = np.frompyfunc(scalar, arity, 1)
 
     def call(*args: Any) -> Any:
+        types = {*map(type, args)}
+        if types <= _FLOATS:
+            return floats(*args)
+        if Expression in types and types <= _SCALARS:
+            return scalar(*args)
         args = tuple(np.array(a, dtype=object) if isinstance(a, list | tuple) else a for a in args)
         return traced(*args) if any(is_traced(a) for a in args) else floats(*args)
 

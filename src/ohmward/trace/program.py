@@ -166,7 +166,8 @@ def schedule(outputs: Iterable[Any], first: int = 0) -> tuple[Expression, ...]:
         elif node.serial not in done and node.serial >= first and node.operation is not INPUT:
             done.add(node.serial)
             stack.append((node, True))
-            stack.extend((arg, False) for arg in reversed(node.args) if isinstance(arg, Expression))
+            args = [arg for arg in reversed(node.args) if isinstance(arg, Expression) and arg.serial not in done]
+            stack += [(arg, False) for arg in args]
     return tuple(order)
 
 
