@@ -25,7 +25,7 @@ extensions = [
     "plain_docstrings",
 ]
 # `-t quick` leaves out what takes most of the time and warns of nothing: copies of the source, every function in the
-# contents of every page, and links from types.
+# contents of every page, links from types, and defaults as they are written.
 if not tags.has("quick"):  # noqa: F821 (Sphinx gives it)
     extensions.append("sphinx.ext.viewcode")
 toc_object_entries = not tags.has("quick")  # noqa: F821
@@ -50,7 +50,8 @@ myst_dmath_double_inline = True
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "none" if tags.has("quick") else "signature"  # noqa: F821
 autodoc_typehints_format = "short"
-autodoc_preserve_defaults = True
+autodoc_preserve_defaults = not tags.has("quick")  # noqa: F821
+autodoc_use_type_comments = False  # the types are annotations
 
 html_theme = "furo"
 html_title = f"ohmward {version}"
