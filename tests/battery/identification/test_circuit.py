@@ -9,6 +9,7 @@ from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_
 from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
 from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
+    Latest,
     Rates,
     block,
     circuit_unknowns,
@@ -140,6 +141,18 @@ def test_design_simulates_what_the_model_does_in_the_cold():
     columns = design(samples, 0, unknowns, rates, p.ocv, p.capacity_Ah, p.reference_degC)
     expected_V = simulate(samples, p) - np.asarray(p.ocv.mean_V(samples.soc, samples.temperature_degC))
     assert columns @ x == pytest.approx(expected_V, abs=1e-9)
+
+
+def test_columns_that_are_kept_for_a_derivative_are_those_made_anew():
+    problem = problem_of(pulse_log(cell(LFP_OCV), count=3, rest_s=900.0), ocv=LFP_OCV)
+    (samples,), unknowns, latest = problem.samples, circuit_unknowns(2, 1, True, True), Latest()
+    samples = samples._replace(temperature_degC=np.linspace(25.0, -10.0, samples.soc.size))
+    first = Rates((20.0, 800.0), 20.0, 1500.0, 4500.0, 1000.0, 0.4, 700.0, False, 300.0)
+    changes = {"tau_s": (20.0, 900.0), "transfer_V": None, "net_charge_hysteresis": True}
+    for field in Rates._fields:
+        for rates in (first, first._replace(**{field: changes.get(field, 30.0)})):
+            of_record = samples, 0, unknowns, rates, LFP_OCV, 2.0, 25.0
+            np.testing.assert_array_equal(design(*of_record, latest), design(*of_record))
 
 
 def test_activation_from_two_temperatures():

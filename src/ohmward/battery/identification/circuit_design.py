@@ -11,8 +11,8 @@ record.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Smaller currents, as a share of 1 C, show no resistance.
 COVERED_RATE = 0.02
+#: Number of sets of columns that are kept: one of the rates about which a derivative is taken, and others beside it.
+_KEPT = 4
 #: Time for which a current must have flowed near a state of charge [s].
 _COVERED_S = 10.0
 
@@ -73,6 +75,21 @@ def block(j: int) -> slice:
     return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
 
 
+class Latest:
+    """Columns of the latest calls: a numerical derivative varies one rate at a time, the others have theirs already."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Any, dict[Rates, np.ndarray]] = {}
+
+    def of(self, place: Any, rates: Rates, columns: Callable[[Rates], np.ndarray]) -> np.ndarray:
+        """`columns(rates)`, as they were made for this place before; rates: all that they depend on."""
+        kept = self._kept.setdefault(place, {})
+        found = kept[rates] = kept.pop(rates) if rates in kept else columns(rates)
+        if len(kept) > _KEPT:
+            del kept[next(iter(kept))]
+        return found
+
+
 def design(
     samples: FitSamples,
     record: int,
@@ -81,39 +98,57 @@ def design(
     ocv: OcvCurve,
     capacity_Ah: float,
     reference_degC: float,
+    latest: Latest | None = None,
 ) -> np.ndarray:
-    """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
-    # linear in the resistances: those of 1 ohm give the columns
-    ones, pairs = (1.0, 1.0), len(rates.tau_s)
-    unit = Thevenin(
-        capacity_Ah,
-        ocv,
-        ones,
-        ones,
-        (ones,) * pairs,
-        reference_degC=reference_degC,
-        **rates._replace(transfer_V=None)._asdict(),
-    )
+    """(N, K) columns of one record: voltage = ocv(soc) + columns @ x; latest: those of these samples."""
+    latest, ones = latest or Latest(), (1.0, 1.0)
+
+    def unit(of: Rates) -> Thevenin:
+        """The circuit is linear in its resistances: those of 1 ohm give the columns."""
+        pairs = (ones,) * len(of.tau_s)
+        return Thevenin(capacity_Ah, ocv, ones, ones, pairs, reference_degC=reference_degC, **of._asdict())
+
+    def ohmic(of: Rates) -> np.ndarray:
+        drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit(of))
+        here, charging = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], samples.current_A[:, None] > 0
+        return np.hstack([np.where(charging, 0.0, here), np.where(charging, here, 0.0)])
+
+    def pair(of: Rates) -> np.ndarray:
+        """The voltage by the resistance along SoC, and by the voltage at the start."""
+        (step,) = pair_steps(samples, unit(of))
+        driven = scan(step.decay, hat(samples.soc_before, RESISTANCE_GRID) * step.drive_V[:, None])
+        return np.column_stack([driven, np.cumprod(step.decay)])
+
+    def curve(of: Rates) -> np.ndarray:
+        warmer_K = samples.temperature_degC - ocv.reference_degC
+        return np.hstack([hat(samples.soc, OCV_KNOTS), warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)])
+
+    def hysteresis(of: Rates) -> np.ndarray:
+        """The voltage by the scale, and by the state at the start.
+
+        A state that saturates is not linear in its start; the mean slope between the branches takes its place.
+        """
+        gap_V = unit(of).hysteresis_V_at(samples.soc, samples.temperature_degC)
+        low, middle, high = hysteresis_along(samples, unit(of), (-1.0, 0.0, 1.0)).T
+        return np.column_stack([gap_V * middle, gap_V * 0.5 * (high - low)])
+
     # written and solved column by column
     A, group = np.zeros((samples.soc.size, unknowns.size), order="F"), unknowns.group
-    drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit)
-    here, before = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], hat(samples.soc_before, RESISTANCE_GRID)
-    A[:, block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
-    A[:, block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     start = group(f"start {record}").start
-    for j, pair in enumerate(pair_steps(samples, unit)):
-        A[:, block(2 + j)] = scan(pair.decay, before * pair.drive_V[:, None])
-        A[:, start + j] = np.cumprod(pair.decay)
-    A[:, group("ocv")] = hat(samples.soc, OCV_KNOTS)
-    if unknowns.sizes["entropy"]:
-        warmer_K = samples.temperature_degC - ocv.reference_degC
-        A[:, group("entropy")] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
+    each = rates._replace(tau_s=(), transfer_V=None)
+    of_pairs = each._replace(hysteresis_rate=0.0, activation_K=0.0)
+    of_resistances = each._replace(hysteresis_rate=0.0, pair_activation_K=0.0, tau_activation_K=0.0)
+    A[:, : block(1).stop] = latest.of("ohmic", of_resistances, ohmic)
+    for j, tau_s in enumerate(rates.tau_s):
+        columns = latest.of(j, of_pairs._replace(tau_s=(tau_s,)), pair)
+        A[:, block(2 + j)], A[:, start + j] = columns[:, :-1], columns[:, -1]
+    of_ocv = of_resistances._replace(activation_K=0.0)
+    knots = unknowns.sizes["ocv"] + unknowns.sizes["entropy"]
+    A[:, group("ocv").start :][:, :knots] = latest.of("curve", of_ocv, curve)[:, :knots]
     if unknowns.sizes["hysteresis"]:
-        gap_V = unit.hysteresis_V_at(samples.soc, samples.temperature_degC)
-        # a state that saturates is not linear in its start; the mean slope between the branches takes its place
-        low, middle, high = hysteresis_along(samples, unit, (-1.0, 0.0, 1.0)).T
-        A[:, group("hysteresis")] = (gap_V * middle)[:, None]
-        A[:, start + pairs] = gap_V * 0.5 * (high - low)
+        of_hysteresis = of_ocv._replace(hysteresis_rate=rates.hysteresis_rate)
+        columns = latest.of("hysteresis", of_hysteresis, hysteresis)
+        A[:, group("hysteresis")], A[:, start + len(rates.tau_s)] = columns[:, :1], columns[:, 1]
     return A
 
 

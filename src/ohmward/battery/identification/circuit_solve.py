@@ -14,6 +14,7 @@ import numpy as np
 from ohmward.battery.chemistries import CELL_V, ChemistryPrior
 from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
+    Latest,
     Rates,
     block,
     circuit_unknowns,
@@ -160,6 +161,11 @@ class CircuitProblem:
     def records(self) -> tuple[FitSamples, ...]:
         """All that the circuit is fitted to: the records, then the low-rate branches."""
         return (*self.samples, *self.branches)
+
+    @cached_property
+    def latest(self) -> tuple[Latest, ...]:
+        """The columns of each record at the rates that were solved for last."""
+        return tuple(Latest() for _ in self.records)
 
     @cached_property
     def volts(self) -> float:
@@ -320,7 +326,7 @@ def solve(
 def _linear_system(problem: CircuitProblem, unknowns: Unknowns, rates: Rates) -> LinearSystem:
     """The system of all records."""
     columns = [
-        design(s, k, unknowns, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
+        design(s, k, unknowns, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC, problem.latest[k])
         for k, s in enumerate(problem.records)
     ]
     return LinearSystem(problem, np.vstack(columns), rates.transfer_V)
