@@ -50,15 +50,16 @@ class _Described(NamedTuple):
     """A module as it was, and its description; its names and those of its classes then had these values."""
 
     names: tuple[tuple[Mapping[str, Any], tuple[Any, ...]], ...]
+    arrays: tuple[tuple[np.ndarray, bytes], ...]  #: among them, with their content
     digest: str  #: SHA-256 of the module's file and of its constants
     modules: frozenset[str]  #: of ohmward, that it names
 
     @property
     def is_unchanged(self) -> bool:
-        """True where every name still has the same object as its value."""
+        """True where every name still has the same object as its value, and every array the same content."""
         return all(
             len(now) == len(before) and all(map(operator.is_, now.values(), before)) for now, before in self.names
-        )
+        ) and all(array.tobytes() == content for array, content in self.arrays)
 
 
 #: A process that makes many kernels describes each module once.
@@ -80,6 +81,7 @@ def _described(module: ModuleType) -> _Described:
                 lines += [f"{w}={description.of(v)}" for w, v in vars(value).items() if not w.startswith("__")]
     found = _Described(
         tuple((mapping, tuple(mapping.values())) for mapping in names),
+        tuple(description.arrays),
         hashlib.sha256("\n".join(lines).encode()).hexdigest(),
         frozenset(description.modules),
     )
@@ -92,11 +94,13 @@ class _Description:
     """Texts of values; equal ones are equal in every process.
 
     modules: of ohmward, named so far.
-    can_change_in_place: a value so far does not stay what it is for as long as it is the same object.
+    arrays: described so far, with their content.
+    can_change_in_place: another value so far does not stay what it is for as long as it is the same object.
     """
 
     def __init__(self) -> None:
         self.modules: set[str] = set()
+        self.arrays: list[tuple[np.ndarray, bytes]] = []
         self.can_change_in_place = False
 
     def of(self, value: Any) -> str:
@@ -108,7 +112,7 @@ class _Description:
         if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
             return repr(value)
         if isinstance(value, np.ndarray):
-            self.can_change_in_place = True
+            self.arrays.append((value, value.tobytes()))
             return f"{value.dtype}{value.shape}{value.tobytes()!r}"
         if isinstance(value, tuple):
             return f"({', '.join(map(self.of, value))})"
@@ -122,7 +126,7 @@ class _Description:
         if isinstance(home, str) and isinstance(name, str):
             return self._named(home, name)
         if is_dataclass(value):
-            self.can_change_in_place = True
+            self.can_change_in_place |= not type(value).__dataclass_params__.frozen
             return self.of((type(value), *(getattr(value, field.name) for field in fields(value))))
         return type(value).__qualname__
 
