@@ -92,10 +92,11 @@ class OriginRecorder:
         return self._replaced.get(serial, serial)
 
     def _event(self, frame: FrameType, event: str, _: Any) -> None:
-        if event not in ("call", "return") or not _counts(frame.f_code):
+        code = frame.f_code
+        if event not in ("call", "return") or not _file_counts(code.co_filename) or code.co_name.startswith("<"):
             return
         if event == "call":
-            own = None if frame.f_code.co_filename == _TABLES else _origin(frame.f_code)
+            own = None if code.co_filename == _TABLES else _origin(code)
             self._stack.append(own or self._stack[-1])
         else:
             self._name(frame)
@@ -113,10 +114,6 @@ class OriginRecorder:
                 serial = self._source(x.serial)
                 if strength > self._names.get(serial, (-1, ""))[0]:
                     self._names[serial] = strength, name
-
-
-def _counts(code: CodeType) -> bool:
-    return _file_counts(code.co_filename) and not code.co_name.startswith("<")
 
 
 @cache
