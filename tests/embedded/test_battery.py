@@ -163,9 +163,7 @@ def test_a_curve_on_lines_changes_what_is_estimated_as_little_as_the_curve():
     outputs = []
     for curve_error_V in (None, 4e-3):
         export = soc_export("textbook-ukf", curve_error_V=curve_error_V)
-        start = single_precision.evaluate(
-            single_precision.expanded(export.start), np.array([*samples[0], 0.5, 0.01], np.float32)
-        )
+        start = single_precision.evaluator(export.start)(np.array([*samples[0], 0.5, 0.01], np.float32))
         outputs.append(single_precision.run(export.step, start, samples)[1])
     assert 0.0 < np.abs(outputs[1][:, 2] - outputs[0][:, 2]).max() < 8e-3
 

@@ -26,7 +26,7 @@ def test_machine_code_has_the_bits_of_the_vectors(name, options):
     export = battery_export(BATTERY, name, **options)
     samples = export.samples.astype(np.float32)
     first = np.concatenate([samples[0], np.array(export.arguments, np.float32)])
-    start = single_precision.evaluate(single_precision.expanded(export.start), first)
+    start = single_precision.evaluator(export.start)(first)
     _, expected = single_precision.run(export.step, start, samples)
 
     count = size(export.step.argument_structure.children[0])

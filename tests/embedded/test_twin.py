@@ -70,7 +70,7 @@ def test_the_start_is_that_of_the_program(soc, tmp_path):
     copy = made(export, tmp_path)
     copy.start(FIRST, soc=soc, soc_std=0.5)
     inputs = np.array([*FIRST, soc, 0.5], np.float32)
-    expected = single_precision.evaluate(single_precision.expanded(export.start), inputs)
+    expected = single_precision.evaluator(export.start)(inputs)
     np.testing.assert_array_equal(np.concatenate([np.ravel(x) for x in copy.state]).astype(np.float32), expected)
 
 
@@ -96,7 +96,7 @@ def test_the_vectors_of_a_robot_pass_with_arrays_in_sample_and_output(tmp_path):
     copy.start(copy.Sample(*(column[0] for column in columns)))
     found = copy.run(columns)
     assert found.slip_ratio.shape == (64, 2) and found.speed_m_s.shape == (64,)
-    start = single_precision.evaluate(single_precision.expanded(export.start), samples[0])
+    start = single_precision.evaluator(export.start)(samples[0])
     np.testing.assert_array_equal(rows(found), single_precision.run(export.step, start, samples)[1])
 
 

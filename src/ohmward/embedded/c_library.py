@@ -226,7 +226,7 @@ def vector_words(step: Program, start: Program, arguments: tuple[float, ...], sa
     """
     singles = np.asarray(samples, np.float32)
     first = np.concatenate([singles[0], np.array(arguments, np.float32)])
-    state = single_precision.evaluate(single_precision.expanded(start), first)
+    state = single_precision.evaluator(start)(first)
     _, outputs = single_precision.run(step, state, singles)
     filled_with = {"bool": "*bits++ != 0u", "float": "from_bits(*bits++)"}
     same = {"bool": "output->{} == (*bits++ != 0u)", "float": "is(output->{}, *bits++)"}

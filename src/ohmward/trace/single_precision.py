@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -20,38 +21,41 @@ def run(program: Program, state: np.ndarray, samples: np.ndarray) -> tuple[np.nd
     samples: (T, m).
     Returns: the state (n,) after the last sample and the outputs (T, k), all float32; conditions are 0 and 1.
     """
-    program = expanded(program)
-    now = np.asarray(state, np.float32)
+    step, now = evaluator(program), np.asarray(state, np.float32)
     rows = []
     for sample in np.asarray(samples, np.float32):
-        results = evaluate(program, np.concatenate([now, sample]))
+        results = step(np.concatenate([now, sample]))
         now = results[: now.size]
         rows.append(results[now.size :])
     return now, np.array(rows, np.float32)
 
 
-def expanded(program: Program) -> Program:
-    """The program without exp, log and the like, as `evaluate` needs it."""
-    return expand(program, F32)
+def evaluator(program: Program) -> Callable[[np.ndarray], np.ndarray]:
+    """The function from the inputs (n,) of float32 to the outputs (k,) of a program, as traced."""
+    program = expand(program, F32)
+    places = {x.serial: k for k, x in enumerate((*program.inputs, *program.nodes))}
+    constants: list[Any] = []
 
+    def place_of(x: Any) -> int:
+        """Index of a value: constants are the last, counted from the end."""
+        if isinstance(x, Expression):
+            return places[x.serial]
+        constants.insert(0, np.float32(x) if isinstance(x, float) else x)
+        return -len(constants)
 
-def evaluate(program: Program, inputs: np.ndarray) -> np.ndarray:
-    """Outputs (k,) of inputs (n,) of float32, for a program from `expanded`."""
-    values: dict[int, Any] = {
-        symbol.serial: bool(x) if symbol.boolean else np.float32(x)
-        for symbol, x in zip(program.inputs, inputs, strict=True)
-    }
-    with np.errstate(all="ignore"):
-        for node in program.nodes:
-            arguments = [_value(a, values) for a in node.args]
-            values[node.serial] = _FUNCTIONS[node.operation.name](*arguments)
-        return np.array([_value(y, values) for y in program.outputs], np.float32)
+    steps = [(places[x.serial], _FUNCTIONS[x.operation.name], [*map(place_of, x.args)]) for x in program.nodes]
+    outputs = [*map(place_of, program.outputs)]
 
+    def evaluate(inputs: np.ndarray) -> np.ndarray:
+        singles = zip(program.inputs, np.asarray(inputs, np.float32), strict=True)
+        given = [bool(x) if symbol.boolean else x for symbol, x in singles]
+        values: list[Any] = [*given, *([None] * len(steps)), *constants]
+        with np.errstate(all="ignore"):
+            for place, function, arguments in steps:
+                values[place] = function(*[values[k] for k in arguments])
+            return np.array([values[k] for k in outputs], np.float32)
 
-def _value(x: Any, values: dict[int, Any]) -> Any:
-    if isinstance(x, Expression):
-        return values[x.serial]
-    return np.float32(x) if isinstance(x, float) else x
+    return evaluate
 
 
 def _gather(index: Any, table: tuple[float, ...]) -> np.float32:
@@ -71,13 +75,13 @@ def _sign(x: np.float32) -> np.float32:
 
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "add": lambda a, b: a + b,
-    "subtract": lambda a, b: a - b,
-    "multiply": lambda a, b: a * b,
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
     "divide": np.divide,
     "remainder": lambda a, b: a - np.floor(a / b) * b,
     "floor_divide": lambda a, b: np.floor(a / b),
-    "negative": lambda a: -a,
+    "negative": operator.neg,
     "absolute": abs,
     "sqrt": np.sqrt,
     "floor": np.floor,
