@@ -1,5 +1,6 @@
 """Names and functions of traced values."""
 
+import cProfile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,3 +91,8 @@ def test_values_come_in_the_order_of_the_text_each_after_its_arguments():
 
 def test_nothing_is_recorded_unless_it_is_asked_for():
     assert trace(step, 0.0, 0.0).origins is None
+
+
+def test_it_can_be_traced_under_a_profiler():
+    with cProfile.Profile():
+        assert traced(step).origins is not None

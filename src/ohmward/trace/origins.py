@@ -66,7 +66,8 @@ class OriginRecorder:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        sys.setprofile(self._before)
+        # a profiler in C, such as cProfile's, cannot be put back this way: it ends here
+        sys.setprofile(self._before if callable(self._before) else None)
         _recorders.remove(self)
 
     def carry(self, old: Expression, new: Any, since: int) -> None:
