@@ -11,8 +11,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import can
-import cantools
 import numpy as np
 import pytest
 
@@ -193,6 +191,8 @@ def sending(send):
 
 def frame_of(bus_database, k):
     """A frame of a battery whose positive current discharges it: 20 mohm."""
+    import can
+
     current = 5.0 + 10.0 * (k // 5 % 2)
     message = bus_database.get_message_by_name("BMS")
     data = message.encode({"Pack_V": 26.4 - 0.02 * current, "Pack_I": current})
@@ -201,11 +201,15 @@ def frame_of(bus_database, k):
 
 @pytest.fixture
 def bus_database(folder):
+    import cantools
+
     (folder / "bus.dbc").write_text(database({"BMS": {"Pack_V": "V", "Pack_I": "A"}, "Absent": {"YawRate": "rad/s"}}))
     return cantools.database.load_file("bus.dbc")
 
 
 def test_of_a_bus_only_what_is_heard_is_wired_and_the_voltage_tells_the_sign(bus_database, set_up):
+    import can
+
     channel = f"setup{next(CHANNELS)}"
     with can.Bus(interface="virtual", channel=channel) as bus, sending(lambda k: bus.send(frame_of(bus_database, k))):
         found = set_up(f"virtual:{channel}", "--dbc", "bus.dbc", *BATTERY, "--seconds", "3", status=0)
@@ -217,6 +221,8 @@ def test_of_a_bus_only_what_is_heard_is_wired_and_the_voltage_tells_the_sign(bus
 
 
 def test_a_recording_of_a_bus_tells_the_same(bus_database, set_up):
+    import can
+
     with can.Logger("day.log") as log:
         for k in range(300):
             log.on_message_received(frame_of(bus_database, k))

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,7 +23,12 @@ needs_tools = pytest.mark.skipif(
     bool(MISSING), reason=f"no microcontroller to emulate here, {', '.join(MISSING)} missing: {emulator.INSTALL}"
 )
 BATTERY = generic_battery("nmc", 2.0)
-TEXTBOOK = battery_export(BATTERY, "textbook-ekf", "filter", sample_time_s=1.0)
+
+
+@cache
+def textbook():
+    """The textbook filter, exported; not while the tests are collected."""
+    return battery_export(BATTERY, "textbook-ekf", "filter", sample_time_s=1.0)
 
 
 def a_log(steps):
@@ -39,7 +45,7 @@ def first(case, machine=measure.MACHINES[0], option="-O2"):
 @needs_tools
 @pytest.mark.parametrize("machine", measure.MACHINES, ids=lambda m: m.name)
 def test_every_bit_is_right_and_nothing_is_hidden(machine):
-    found = first(measure.Case("textbook", TEXTBOOK, a_log(75)), machine, "-Os")
+    found = first(measure.Case("textbook", textbook(), a_log(75)), machine, "-Os")
     assert found.wrong == 0 and found.answer.vectors.steps == 64 and found.answer.log.steps == 75
     assert found.state == 40 and 500 < found.sizes.code < 2048 and found.sizes.static == 0
     assert 100 < found.answer.vectors.least <= found.answer.vectors.mean <= found.most < 450
@@ -79,9 +85,9 @@ def test_a_wrong_bit_of_the_log_is_seen_and_named(monkeypatch, capsys):
 
 def replayed(folder):
     """The image of the textbook filter in a folder, and what it said of its vectors."""
-    measure.write_library(measure.library(TEXTBOOK), folder)
+    measure.write_library(measure.library(textbook()), folder)
     emulator.compile_library(folder, "filter", "-O2")
-    image = emulator.link(folder, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
+    image = emulator.link(folder, "filter", textbook().arguments, "-O2", measure.MACHINES[0])
     answer, _ = emulator.run(image, measure.MACHINES[0])
     return image, answer
 
