@@ -126,7 +126,8 @@ class _Description:
         if isinstance(home, str) and isinstance(name, str):
             return self._named(home, name)
         if is_dataclass(value):
-            self.can_change_in_place |= not type(value).__dataclass_params__.frozen
+            frozen = type(value).__dataclass_params__.frozen  # type: ignore[union-attr,unused-ignore]
+            self.can_change_in_place |= not frozen
             return self.of((type(value), *(getattr(value, field.name) for field in fields(value))))
         return type(value).__qualname__
 
