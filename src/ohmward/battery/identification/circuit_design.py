@@ -27,8 +27,8 @@ from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Smaller currents, as a share of 1 C, show no resistance.
 COVERED_RATE = 0.02
-#: Number of sets of columns that are kept: one of the rates about which a derivative is taken, and others beside it.
-_KEPT = 4
+#: Number of sets of columns that are stored: one of the rates about which a derivative is taken, and others beside it.
+_MOST_SETS = 4
 #: Time for which a current must have flowed near a state of charge [s].
 _COVERED_S = 10.0
 
@@ -79,14 +79,14 @@ class Latest:
     """Columns of the latest calls: a numerical derivative varies one rate at a time, the others have theirs already."""
 
     def __init__(self) -> None:
-        self._kept: dict[Any, dict[Rates, np.ndarray]] = {}
+        self._stored: dict[Any, dict[Rates, np.ndarray]] = {}
 
     def of(self, place: Any, rates: Rates, columns: Callable[[Rates], np.ndarray]) -> np.ndarray:
         """`columns(rates)`, as they were made for this place before; rates: all that they depend on."""
-        kept = self._kept.setdefault(place, {})
-        found = kept[rates] = kept.pop(rates) if rates in kept else columns(rates)
-        if len(kept) > _KEPT:
-            del kept[next(iter(kept))]
+        stored = self._stored.setdefault(place, {})
+        found = stored[rates] = stored.pop(rates) if rates in stored else columns(rates)
+        if len(stored) > _MOST_SETS:
+            del stored[next(iter(stored))]
         return found
 
 
