@@ -1,6 +1,7 @@
 """The fit of the circuit on simulated records: exact without noise, honest with it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def test_columns_that_are_kept_for_a_derivative_are_those_made_anew():
     (samples,), unknowns, latest = problem.samples, circuit_unknowns(2, 1, True, True), Latest()
     samples = samples._replace(temperature_degC=np.linspace(25.0, -10.0, samples.soc.size))
     first = Rates((20.0, 800.0), 20.0, 1500.0, 4500.0, 1000.0, 0.4, 700.0, False, 300.0)
-    changes = {"tau_s": (20.0, 900.0), "transfer_V": None, "net_charge_hysteresis": True}
+    changes: dict[str, Any] = {"tau_s": (20.0, 900.0), "transfer_V": None, "net_charge_hysteresis": True}
     for field in Rates._fields:
         for rates in (first, first._replace(**{field: changes.get(field, 30.0)})):
             of_record = samples, 0, unknowns, rates, LFP_OCV, 2.0, 25.0
