@@ -84,7 +84,7 @@ def test_the_noise_is_usable(found):
     assert 0.002 <= noise.voltage_std_V < 0.01
     assert len(noise.model_std_V) == 21 and min(noise.model_std_V) >= 0.003
     assert found.battery.sensor.offset_std_A == pytest.approx(0.05)
-    assert noise.overpotential_share >= 0.15
+    assert min(noise.overpotential_share) >= 0.15
     assert noise.capacity_std == AGED_CAPACITY_STD
     assert noise.capacity_std_at_resistance == pytest.approx(0.07, abs=0.005)  # that of the label, which was given
 

@@ -1,6 +1,8 @@
 """What the temperatures of a test show of activations, and what stands in the file where they show nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from ohmward.battery.identification.circuit_uncertainty import (
     hysteresis_std,
     load_temperature,
     ocv_std_V_per_K,
+    overpotential_share,
     untested_sentences,
     usual_hysteresis_V,
     with_usual_hysteresis,
@@ -167,3 +170,14 @@ def test_a_hysteresis_that_was_not_tested_stays_open():
     assert discharge_V == pytest.approx(TRUE.ocv.mean_V(soc, 25.0), abs=0.2 * half_V)
     assert opened.tested_branch == pytest.approx(-1.0, abs=0.2)
     assert hysteresis_std(fit_circuit(problem, 1), problem) == 0.5
+
+
+def test_the_error_of_the_overpotential_is_what_the_fit_leaves_under_current():
+    true, problem = cell(), problem_of(pulse_log(cell(), count=9, rest_s=900.0))
+    (s,) = problem.samples
+    over_V = s.voltage_V - true.ocv.mean_V(s.soc, s.temperature_degC)
+    left_V = np.hypot(0.01, np.where(s.soc < 0.5, 0.3 * over_V, 0.0))
+    solution: Any = SimpleNamespace(residual_V=(left_V,))
+    share = np.array(overpotential_share(solution, problem, true, np.full(21, 0.01), 0.1))
+    assert share[:8] == pytest.approx(0.3)
+    assert share[13:] == pytest.approx(0.1)

@@ -25,7 +25,6 @@ from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
     CircuitSolution,
     error_factor,
-    last_direction,
 )
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, hysteresis_along
 from ohmward.battery.identification.record import SETTLED_REST_S, Record
@@ -359,7 +358,9 @@ def noise_from_fit(
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
         level_std_V=float(model_V.min()),
-        overpotential_share=overpotential_share(solution, problem, p, _PULSES_SHARE if pulses_only else _USUAL_ERROR),
+        overpotential_share=overpotential_share(
+            solution, problem, p, np.nan_to_num(residual_V), _PULSES_SHARE if pulses_only else _USUAL_ERROR
+        ),
         correlation_s=max(
             correlation_s(solution, samples),
             _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
@@ -394,21 +395,23 @@ def _near(problem: CircuitProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def overpotential_share(
-    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, least: float
-) -> float | tuple[float, ...]:
-    """Relative error of the overpotential: `least`, or (21,) from the residuals of charges near each SoC in the fit."""
-    if problem.prior.charging_factor == 1.0:
-        return least
-    soc = np.concatenate([s.soc for s in problem.samples])
-    over_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])
-    residual_V = np.concatenate(solution.residual_V)
-    charging = np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])  # or at rest after it
-    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW) & np.isfinite(residual_V) & charging
-    over_V2, residual_V2 = near @ np.nan_to_num(over_V) ** 2, near @ np.nan_to_num(residual_V) ** 2
+    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, curve_V: np.ndarray, least: float
+) -> tuple[float, ...]:
+    """(21,) relative error of the overpotential: residual over overpotential, in rms over the currents near each SoC.
+
+    curve_V: (21,) part of the residual that rests have as well; least: smallest error.
+    """
+    over_V2, residual_V2 = np.zeros((2, RESISTANCE_GRID.size))
+    for s, residual_V in zip(problem.samples, solution.residual_V, strict=True):
+        flows = (np.abs(s.mean_current_A) > COVERED_RATE * problem.capacity_Ah) & np.isfinite(residual_V)
+        near = np.abs(s.soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW
+        time_s = near * np.where(flows, np.minimum(s.dt_s, COARSEST_S), 0.0)
+        over_V2 += time_s @ np.nan_to_num(s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC)) ** 2
+        residual_V2 += time_s @ np.nan_to_num(residual_V) ** 2 - time_s.sum(axis=1) * curve_V**2
     seen = over_V2 > 0
     if not seen.any():
-        return least
-    share = np.sqrt(residual_V2[seen] / over_V2[seen])
+        return (least,) * RESISTANCE_GRID.size
+    share = np.sqrt(np.maximum(residual_V2[seen], 0.0) / over_V2[seen])
     share = np.interp(RESISTANCE_GRID, RESISTANCE_GRID[seen], share)
     return tuple(np.clip(share, least, _LARGEST_ERROR).tolist())
 
