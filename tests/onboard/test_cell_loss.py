@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.onboard.cell_loss import CellLoss
+from ohmward.battery.soc.cell_loss import CellLoss
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.resume import remember, resume
 

@@ -19,6 +19,7 @@ extern "C" {
 #define SOC_RESTARTED 512 /* in Python: started again from this sample: the first voltage was wrong, or the state no number */
 #define SOC_ANCHORED 1024 /* a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC */
 #define SOC_MISFIT 2048 /* an offset or a capacity that sensor and battery cannot have: another battery's file? */
+#define SOC_EXCHANGED 4096 /* in Python: the voltage stepped over a silence: another battery is in, and started from here */
 
 typedef struct {
     float belief_mean[3]; /* mean of the states, in the order of the model */

@@ -24,6 +24,7 @@ from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log
 from ohmward.battery.log_reading import read_log_of
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.exchange_watch import exchange_notes
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, STD_OF, Estimator, SocEstimate, SocFlag
@@ -78,7 +79,7 @@ class Job:
 
 def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: SocEstimate) -> dict[str, Any]:
     """Row of a log: its figures, None for those that the estimator does not have, and whether the battery file fits."""
-    wrong = misfits(battery, log, estimator, found)
+    wrong = (*exchange_notes(log.time_s, found.flags), *misfits(battery, log, estimator, found))
     fit = {"error": None, "fits": not wrong, "misfit": wrong[0].text if wrong else None}
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
     figures = {"samples": len(log), "duration_s": log.duration_s, **soc_figures(log, found)}

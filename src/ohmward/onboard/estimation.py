@@ -19,10 +19,12 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
+from ohmward.battery.soc.cell_loss import CellLoss
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.exchange_watch import ExchangeWatch
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.given_soc import after_first_voltage
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, MOST_SOC_STD, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, MOST_SOC_STD, SocFlag, SocSample
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.cut_drive import DriveSample
@@ -31,9 +33,7 @@ from ohmward.energy.range import MissionForecast
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.errors import InputError
-from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.evidence import EVIDENCE
-from ohmward.onboard.exchange_watch import ExchangeWatch
 from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS
@@ -308,6 +308,7 @@ class Estimation:
             self._change_battery()
             self.exchanged_s = sample.time_s
             charge = self.soc.update(time_s, *measured)
+            charge = charge._replace(flags=charge.flags | SocFlag.EXCHANGED)
         if math.isfinite(current_A):
             self.last_current_A = current_A
         if self.battery:

@@ -16,10 +16,11 @@ from functools import partial
 from typing import Any
 
 from ohmward.battery.log_check import OTHER_FILE
+from ohmward.battery.soc.cell_loss import CellLoss
+from ohmward.battery.soc.exchange_watch import ANOTHER_IS_IN
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
-from ohmward.onboard.cell_loss import CellLoss
 from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, MessageDates, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
@@ -386,11 +387,7 @@ def _exchange(ago_s: float) -> Diagnostic:
     """Condition of the battery's voltage: whether it stepped this long ago as that of another battery does."""
     if ago_s > EXCHANGED_FOR_S:
         return Diagnostic("battery exchange", Level.OK, "none")
-    message = (
-        "its voltage stepped over a silence, which no load explains: another one was put in, or a cell or a wire has "
-        "failed; its charge starts from that voltage, all else from the file; battery_changed = 1 says so at once"
-    )
-    return Diagnostic("battery exchange", Level.WARN, message)
+    return Diagnostic("battery exchange", Level.WARN, f"{ANOTHER_IS_IN}; battery_changed = 1 says so at once")
 
 
 def _cell_loss(watch: CellLoss | None) -> Diagnostic:

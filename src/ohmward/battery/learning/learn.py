@@ -214,11 +214,11 @@ def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
 
 
 def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float | None) -> str:
-    """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
+    """Misfit of the file to a log, or an exchange along it, by the checks of `ohmward soc`; "" for none."""
     estimator = make_estimator(DEFAULT, battery)
     for part in parts:
         run = SocEstimator(estimator, initial_soc if part is parts[0] else None).run(part)
-        if found := misfits(battery, part, run.settings, run.estimates, in_itself=False):
+        if found := run.exchanges or misfits(battery, part, run.settings, run.estimates, in_itself=False):
             return found[0].text
     return ""
 

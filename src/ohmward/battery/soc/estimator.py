@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect, insort
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self, cast
@@ -15,6 +16,7 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
+from ohmward.battery.soc.exchange_watch import FORGETS, exchange_notes, exchanged_at
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.gaussian_sum import carries_errors
@@ -40,6 +42,8 @@ from ohmward.logs.log import Log, LogSource, Note, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.snapshot import take
 
+#: Most samples of a log that are estimated before another battery is looked for in them.
+_PIECE = 1 << 18
 _NO_MEMORY = ChargeMemory()
 _NO_WATCH = StartWatch()
 
@@ -65,6 +69,11 @@ class SocRun(Run[SocEstimate]):
     notes: tuple[Note, ...] = ()
 
     flag_type = SocFlag
+
+    @property
+    def exchanges(self) -> tuple[Note, ...]:
+        """A warning for each battery that was put in along the log."""
+        return exchange_notes(self.time_s, self.flags)
 
     def explain(self) -> Explanation:
         """State of charge at the end of the log in one sentence, and the causes of its uncertainty."""
@@ -255,34 +264,49 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     def _scan_log(self, log: Log, progress: Progress | None, at_end: Collection[str]) -> tuple[SocEstimate, float]:
         """Estimates along a log and the run time [s].
 
-        The log is split where a column reports full, at long gaps, and where the estimate starts again.
+        The log is split where a column reports full, at long gaps, where the estimate starts again, and where another
+        battery was put in.
         """
         samples = samples_of(log, self.time_s)
         declared_full = declared_full_at(self.settings, log)
         gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
         samples.dt_s[list(gaps)] = 0.0
         again, watch = self._starts_over_at(samples, gaps, declared_full)
-        pieces, seconds, begin = [], 0.0, 0
-        for stop in sorted(({k + 1 for k in declared_full} | gaps.keys() | again | {len(log)}) - {0}):
+        at_piece = {*range(0, len(log), _PIECE), len(log)}
+        stops = sorted({k + 1 for k in declared_full} | gaps.keys() | again | at_piece)
+        pieces: list[SocEstimate] = []
+        seconds, begin, exchanged = 0.0, 0, -1
+        while begin < len(log):
+            stop = stops[bisect(stops, begin)]
             rows = SocSample(*(column[begin:stop] for column in samples))
             first = row_of(rows, 0)
             if begin in gaps:
                 self._begin_after_gap(first, gaps[begin])
+            if begin == exchanged:
+                self.state, self.memory, self._before_gap = self.init_again(first), _NO_MEMORY, None
             if begin in again and self._model:
                 self._start_again_from(first, self._model)
             end_s = float(log.time_s[stop - 1])
             piece, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end)
-            if begin in gaps:
-                piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP
-            if begin in again:
-                piece.flags[0] = int(piece.flags[0]) | SocFlag.RESTARTED
-            if stop - 1 in declared_full:
+            seconds += took_s
+            for flag, marked in ((SocFlag.GAP, gaps), (SocFlag.EXCHANGED, (exchanged,)), (SocFlag.RESTARTED, again)):
+                if begin in marked:
+                    piece.flags[0] = int(piece.flags[0]) | flag
+            before = pieces[-1] if pieces and begin != exchanged else None
+            if (found := self._exchanged_at(samples, before, piece, stop)) is not None:
+                exchanged = max(found, begin)
+                samples.dt_s[exchanged] = 0.0
+                again, watch = self._starts_over_at(samples, gaps, declared_full, exchanged)
+                for row in {exchanged, *again}:
+                    insort(stops, row)
+                piece = SocEstimate._make(column[: exchanged - begin] for column in piece)
+            elif stop - 1 in declared_full:
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
-            self.memory = self.memory.after_log(log.time_s[begin:stop], piece)
+            begin += len(piece.soc)
+            self.memory = self.memory.after_log(log.time_s[begin - len(piece.soc) : begin], piece)
             pieces.append(piece)
-            seconds, begin = seconds + took_s, stop
         self._watch = watch
         if len(pieces) == 1:
             return pieces[0], seconds
@@ -292,15 +316,32 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         ]
         return SocEstimate._make(whole), seconds
 
+    def _exchanged_at(
+        self, samples: SocSample, before: SocEstimate | None, piece: SocEstimate, stop: int
+    ) -> int | None:
+        """First row in the estimates of a piece that shows another battery; before: those of the piece before it."""
+        if self._model is None or not carries_errors(self.settings):
+            return None
+        innovation_V, flags = piece.innovation_V, piece.flags
+        if before is not None:
+            innovation_V = np.concatenate([before.innovation_V[-FORGETS:], innovation_V])
+            flags = np.concatenate([before.flags[-FORGETS:], flags])
+        begin = stop - len(flags)
+        row = exchanged_at(SocSample(*(column[begin:stop] for column in samples)), innovation_V, flags, self._model)
+        return None if row is None else begin + row
+
     def _starts_over_at(
-        self, samples: SocSample, gaps: Collection[int], declared_full: Collection[int]
+        self, samples: SocSample, gaps: Collection[int], declared_full: Collection[int], exchanged: int = 0
     ) -> tuple[set[int], StartWatch | None]:
-        """Rows of a log from which the estimate starts again, and the watch of the start after the log."""
+        """Rows of a log from which the estimate starts again, and the watch of the start after the log.
+
+        exchanged: row from which on they are sought, if another battery was put in there.
+        """
         watch = self._watch
         again: set[int] = set()
-        begins = sorted({0, *gaps})
+        begins = sorted({exchanged, *(k for k in gaps if k > exchanged)})
         for begin, end in zip(begins, [*begins[1:], len(samples.dt_s)], strict=True):
-            starts = begin in gaps or self._state is None
+            starts = begin in gaps or exchanged > 0 or self._state is None
             if self._model is None or (watch is None and not starts):
                 continue
             full = min((k + 1 for k in declared_full if begin <= k < end), default=None)

@@ -39,7 +39,8 @@ AFTER_EMPTY_SOC, MOST_AFTER_EMPTY = 0.02, 0.15
 #: wrong. The counted charge, at most this share of the capacity, is known to within this share of itself.
 MOST_MOVED, MOST_COUNTED, COUNTED_STD = 3.5, 0.1, 0.2
 #: Number of estimates along a log that are compared; none across samples with these flags.
-_COMPARED, _APART = 500, SocFlag.GAP | SocFlag.RESTARTED | SocFlag.DIVERGED | SocFlag.NO_CURRENT
+_COMPARED = 500
+_APART = SocFlag.GAP | SocFlag.RESTARTED | SocFlag.DIVERGED | SocFlag.NO_CURRENT | SocFlag.EXCHANGED
 #: A filter with the right battery misses half of the voltages by less than this share of them.
 MOST_MISSED = 0.05
 #: Fewer innovations are too few for a mean.

@@ -125,6 +125,7 @@ class SocFlag(SampleFlag):
     RESTARTED = 512  # in Python: started again from this sample: the first voltage was wrong, or the state no number
     ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
+    EXCHANGED = 4096  # in Python: the voltage stepped over a silence: another battery is in, and started from here
 
 
 def require_soc_std(name: str, soc_std: float) -> None:

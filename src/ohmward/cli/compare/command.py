@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from ohmward.battery.soc.comparison import Comparison, compare
+from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
@@ -17,7 +18,6 @@ from ohmward.cli.wording import paragraphs, table
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import duration, percent, quantity
 from ohmward.figures.parts import wall_clock
-from ohmward.logs.log import Note
 from ohmward.report import Page
 
 
@@ -37,19 +37,20 @@ def run(args: argparse.Namespace) -> Outcome:
             initial_soc_std=task.initial_soc_std,
             progress=report,
         )
-    wrong = _misfits(compared)
-    task = task._replace(log=task.log.with_notes(*wrong))
+    judge = _judge(compared)
+    wrong = judge.notes
+    task = task._replace(log=task.log.with_notes(*wrong, *judge.exchanges))
     figures = summary(task, compared) | {"fits": not wrong}
     page = partial(make_page, task, compared, figures)
     status = int(bool(wrong))
     return Outcome(figures | {"report": args.report}, describe(task, figures), task.notes, page, status)
 
 
-def _misfits(compared: Comparison) -> tuple[Note, ...]:
-    """Misfits of the battery file as in `ohmward soc`, judged by the default estimator or else the first that can."""
+def _judge(compared: Comparison) -> SocRun:
+    """Run that judges log and file as in `ohmward soc`: of the default estimator, or else the first that can."""
     default, runs = chosen_name(DEFAULT), compared.runs
     by_rank = sorted(runs, key=lambda name: (name != default, not carries_errors(runs[name].settings)))
-    return runs[by_rank[0]].notes
+    return runs[by_rank[0]]
 
 
 Column = Callable[[Mapping[str, Any]], str]

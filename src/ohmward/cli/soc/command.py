@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if cells:
         task = task._replace(log=cells.log)
     wrong = misfits(task.battery, task.log, answer.settings, answer.estimates)
-    task = task._replace(log=task.log.with_notes(*wrong))
+    task = task._replace(log=task.log.with_notes(*wrong, *answer.exchanges))
     figures = summary(task, name, answer, cells) | {"fits": not wrong, "output": args.output, "report": args.report}
     page = partial(make_page, task, answer, cells, figures)
     return Outcome(figures, describe(figures), task.notes, page, status=int(bool(wrong)))

@@ -1,4 +1,4 @@
-"""Another battery put in while the estimator runs, found by a step of the voltage over a silence of the sensors.
+"""Another battery put in, live or along a log, found by a step of the voltage over a silence of the sensors.
 
 The innovation before and after has the same errors of the curve, so they cancel in its change. What is left is
 
@@ -16,12 +16,24 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.soc.sample import SocEstimate, SocFlag
+import numpy as np
 
-#: Silence of the sensors in which somebody may put in another battery, in usual intervals, and shortest one [s]. A step
-#: without one is no exchange: near empty, and in the cold, the end of a load lets the voltage rise as far.
-EXCHANGE_INTERVALS, EXCHANGE_S = 3.0, 2.0
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.filters.estimator import row_of
+from ohmward.logs.log import Note
+from ohmward.quantities import SECONDS_PER_HOUR
+
+#: What such a step says, after its time.
+ANOTHER_IS_IN = (
+    "the voltage stepped over a silence, which no load explains: another battery was put in, or a cell or a wire has "
+    "failed; its charge starts from that voltage, all else from the file"
+)
+
+#: Silence of the sensors in which somebody may put in another battery, in usual intervals, shortest one [s], and most
+#: that a usual interval can be [s]. A step without a silence is no exchange: near empty, and in the cold, the end of a
+#: load lets the voltage rise as far.
+EXCHANGE_INTERVALS, EXCHANGE_S, LONGEST_USUAL_S = 3.0, 2.0, 60.0
 
 #: Step that shows another battery, in its standard deviations.
 EXCHANGE_SIGMAS = 4.5
@@ -29,8 +41,8 @@ EXCHANGE_SIGMAS = 4.5
 #: Fewest and most samples after a step that are compared with those before it; weight of the newest of these.
 FEWEST_AFTER, MOST_AFTER, NEWEST_SAMPLE = 3, 10, 0.2
 
-#: Samples before which the record does not know its own noise.
-LEARNS = 20
+#: Samples before which the record does not know its own noise, and after which it has forgotten what was before them.
+LEARNS, FORGETS = 20, 500
 
 #: Error of the resistance before the record shows it, least error, and that of its slow part, over the largest one.
 UNKNOWN_OHM_SHARE, LEAST_OHM_SHARE, SLOW_OHM_SHARE = 0.3, 0.03, 0.05
@@ -42,7 +54,7 @@ STAYS_AFTER, STEADY_BEFORE = 0.5, 0.33
 FLOOR_SHARE, USUAL_CHANGE = 3e-4, 1.5e-3
 
 #: Estimates after which what was expected before no longer counts.
-_AFRESH = SocFlag.GAP | SocFlag.DIVERGED | SocFlag.RESTARTED | SocFlag.ANCHORED
+_AFRESH = SocFlag.GAP | SocFlag.DIVERGED | SocFlag.RESTARTED | SocFlag.ANCHORED | SocFlag.EXCHANGED
 
 
 class TerminalMean(NamedTuple):
@@ -121,7 +133,7 @@ class ExchangeWatch(NamedTuple):
         if step is None and self.samples > LEARNS and is_silent:
             before_V = abs(self.last.innovation_V - self.before.innovation_V)
             step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A))
-        interval_s = dt_s if self.samples == 1 else self.interval_s + 0.05 * (min(dt_s, 60.0) - self.interval_s)
+        interval_s = dt_s if self.samples == 1 else _moved(self.interval_s, dt_s, 0.05, LONGEST_USUAL_S)
         latest = self._replace(last=now, earlier_A=self.last.current_A, interval_s=interval_s, waited_s=0.0)
         if step is not None:
             return latest.after_step(step, now, ohm, error2, full_V)
@@ -154,3 +166,49 @@ class ExchangeWatch(NamedTuple):
 def _moved(mean: float, value: float, weight: float, most: float) -> float:
     """Exponentially weighted mean after another value, which counts as `most` at most."""
     return mean + weight * (min(value, most) - mean)
+
+
+def exchanged_at(samples: SocSample, innovation_V: np.ndarray, flags: np.ndarray, m: Thevenin) -> int | None:
+    """First row of samples (T,), and of their estimates, that shows another battery; None without any.
+
+    Only the samples around steps over silences are watched: the others change nothing in the end.
+    """
+    watch, seen = ExchangeWatch(), 0
+    for begin, stop in _steps_over_silences(samples, innovation_V, m):
+        if begin > seen:
+            watch, seen = ExchangeWatch(), begin
+        for row in range(seen, stop):
+            s = row_of(samples, row)
+            estimate = SocEstimate(0.0, 0.0, innovation_V=innovation_V[row], flags=flags[row])
+            watch, exchanged = watch.after(s.dt_s, s.current_A, s.temperature_degC, s.voltage_V, estimate, m)
+            if exchanged:
+                return row
+        seen = max(seen, stop)
+    return None
+
+
+def exchange_notes(time_s: np.ndarray, flags: np.ndarray) -> tuple[Note, ...]:
+    """A warning for each battery that was put in along a log; flags: (T,) of the estimates."""
+    return tuple(
+        Note(f"{(time_s[row] - time_s[0]) / SECONDS_PER_HOUR:.3g} h after the start {ANOTHER_IS_IN}", "warning")
+        for row in np.flatnonzero(np.asarray(flags).astype(int) & SocFlag.EXCHANGED).tolist()
+    )
+
+
+def _steps_over_silences(samples: SocSample, innovation_V: np.ndarray, m: Thevenin) -> list[tuple[int, int]]:
+    """First and end row of the samples to watch: those about each silence over which the innovation may have stepped.
+
+    The least step that `ExchangeWatch` finds is `EXCHANGE_SIGMAS` of the floor; from the last sample, which may have
+    moved before, it is less by `STEADY_BEFORE`.
+    """
+    rows = np.flatnonzero(np.isfinite(innovation_V) & np.isfinite(samples.current_A))
+    apart_s = np.diff(np.cumsum(samples.dt_s)[rows]) if rows.size < len(innovation_V) else samples.dt_s[1:]
+    least_s = min(float(apart_s.min(initial=math.inf)), LONGEST_USUAL_S)  # the usual interval is no shorter
+    silent = np.flatnonzero(apart_s > max(EXCHANGE_INTERVALS * least_s, EXCHANGE_S)) + 1
+    least_V = (1.0 - STEADY_BEFORE) * EXCHANGE_SIGMAS * FLOOR_SHARE * m.ocv.voltage_V[-1]
+    after = np.minimum(silent[:, None] + np.arange(MOST_AFTER), rows.size - 1)
+    means_V = np.cumsum(innovation_V[rows[after]], axis=1) / np.arange(1, MOST_AFTER + 1)
+    away_V = np.abs(means_V - innovation_V[rows[silent - 1]][:, None])[:, FEWEST_AFTER - 1 :]
+    stepped = silent[(away_V > least_V).any(axis=1)]
+    stops = rows[np.minimum(stepped + MOST_AFTER, rows.size) - 1] + 1
+    return list(zip(np.maximum(rows[stepped] - FORGETS, 0).tolist(), stops.tolist(), strict=True))
