@@ -58,6 +58,13 @@ COMPARED_S = 0.5
 #: robot does not turn at all and its wheels spin, above 0 it is an error of the track.
 LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
 
+#: Largest yaw rate [rad/s] by which wheels and gyro differ because the offset has changed: faster, wheels slip, or
+#: somebody turns the robot.
+MOST_DRIFT_RAD_S = 0.02
+
+#: Number of comparisons over which the noise of the wheels' speeds is averaged, and most squared sigmas of one.
+COMPARISONS, MOST_SQUARE = 20.0, 25.0
+
 #: A robot whose wheels moved less than this [m] stood: its encoders have no quantisation error.
 STOOD_M = 1e-6
 
@@ -95,6 +102,15 @@ NONE_ODDS = 0.5
 LEAST_REJECTED_STD = 1e-4
 
 
+class TurnDifferences(NamedTuple):
+    """Differences of gyro and wheels from comparison to comparison."""
+
+    rejected_s: Any = 0.0  #: time for which these have been outside their gate
+    rejected_rad: Any = 0.0  #: sum of the innovations in that time
+    last_rad: Any = 0.0  #: last innovation of wheels that turned
+    wheels_variance: Any = 0.0  #: of the wheels' turn over time, by noise of their speeds [rad2/s]
+
+
 class TurnSums(NamedTuple):
     """Sums over the time since gyro and wheels were last compared."""
 
@@ -105,7 +121,7 @@ class TurnSums(NamedTuple):
     gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
     start_rad_s: Any = 0.0  #: yaw rate of the gyro at the start
     stood: Any = 0.0  #: comparisons in a row in which the wheels have not moved
-    rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
+    differences: TurnDifferences = TurnDifferences()  #: of all comparisons
 
 
 class HeadingTimes(NamedTuple):
@@ -210,7 +226,7 @@ def add_turn(sums: TurnSums, u: MotionInput, rim_m: Scalar) -> TurnSums:
         gyro_variance=sums.gyro_variance + u.gyro_variance * u.dt_s,
         start_rad_s=where(sums.time_s > 0.0, sums.start_rad_s, u.gyro_rad_s),
     )
-    return choose(u.comparable, added, TurnSums(rejected_s=sums.rejected_s))
+    return choose(u.comparable, added, TurnSums(differences=sums.differences))
 
 
 def use_turn(
@@ -226,8 +242,9 @@ def use_turn(
     each. A robot whose counts stay may still turn by a part of one; in the n-th comparison at rest by 1 / n of it, as
     it has turned by less in all those before, and w = w_0 from the second on.
 
-    If a standing robot has turned by its gyro for longer than `reset_after_s`, the offset has changed. If wheels and
-    gyro disagree, d is unknown.
+    If a standing robot has turned by its gyro for longer than `reset_after_s`, the offset has changed, and so it has if
+    the gyro differs by less than `MOST_DRIFT_RAD_S`, at once from standing wheels and after that time from others. If
+    wheels and gyro disagree, d is unknown.
 
     fresh: the condition that the step ended with a value of the wheels.
     """
@@ -249,16 +266,50 @@ def use_turn(
         at_rest = late_s * turned - (sums.gyro_rad - x[OFFSET] * sums.time_s)
         return np.array([where(stood, at_rest, moving)])
 
-    nu = -difference(body.belief.mean)[0]
-    diverged = due & stood & (sums.rejected_s > reset_after_s)
-    rate = nu / maximum(sums.time_s, COMPARED_S)
-    prior = choose(diverged, inflate(body.belief, OFFSET, rate * rate), body.belief)
+    y_hat, H = linearize(difference, body.belief.mean)
+    nu, S = -y_hat[0], H[0] @ body.belief.cov @ H[0] + variance
+    apart, time_s = sums.differences, maximum(sums.time_s, COMPARED_S)
+    rate = (apart.rejected_rad + nu) / (apart.rejected_s + time_s)
+    drifts = abs(rate) < MOST_DRIFT_RAD_S
+    after_s = where(stood, where(drifts, 0.0, reset_after_s), where(drifts, reset_after_s, np.inf))
+    diverged = due & (apart.rejected_s > after_s)
+    prior = choose(diverged, with_other_offset(body.belief, rate, apart.rejected_s + time_s, time_s), body.belief)
     belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate, shared)
     rejected = due & logical_not(accepted)
     belief = choose(rejected, forget(scrubbing(belief, sums), APART, u.count_rad * u.count_rad), belief)
-    rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
-    body = body._replace(belief=belief, turn_apart_rad_s=abs(rate), turn_rejected=rejected)
-    return body, choose(due, TurnSums(stood=rests, rejected_s=rejected_s), sums)
+    body = body._replace(belief=belief, turn_apart_rad_s=abs(nu) / time_s, turn_rejected=rejected)
+    apart = choose(due, compared(apart, nu, S, time_s, stood, rejected), apart)
+    return body, choose(due, TurnSums(stood=rests, differences=apart), sums)
+
+
+def compared(
+    before: TurnDifferences, nu: Scalar, S: Scalar, time_s: Scalar, stood: Scalar, rejected: Scalar
+) -> TurnDifferences:
+    """The differences after a comparison over this time with the innovation nu of expected variance S.
+
+    (nu_1 - nu_0)^2 / 2 is the variance of white noise alone, since a difference that lasts is in both: what it exceeds
+    the variance of all else by is that of noisy speeds. Errors of counts do not add up, but those of speeds do.
+    """
+    others = maximum(S - before.wheels_variance * time_s, 0.0)
+    scatter = minimum((nu - before.last_rad) ** 2 / 2.0, MOST_SQUARE * S)
+    seen = maximum(scatter - others, 0.0) / time_s
+    learnt = before.wheels_variance + (seen - before.wheels_variance) / COMPARISONS
+    return TurnDifferences(
+        rejected_s=time_rejected(before.rejected_s, time_s, rejected),
+        rejected_rad=where(rejected, before.rejected_rad + nu, 0.0),
+        last_rad=where(stood, before.last_rad, nu),
+        wheels_variance=where(stood, before.wheels_variance, learnt),
+    )
+
+
+def with_other_offset(belief: Belief, rad_s: Scalar, rejected_s: Scalar, time_s: Scalar) -> Belief:
+    """The belief with an offset that may have differed by this much since wheels and gyro last agreed.
+
+    time_s: since their last comparison.
+    """
+    shares = {OFFSET: 1.0, YAW: -rejected_s, APART: time_s}
+    change = rad_s * np.array([shares.get(i, 0.0) for i in range(len(NAMES))])
+    return Belief(belief.mean, belief.cov + np.outer(change, change))
 
 
 def forget(belief: Belief, i: int, variance: Scalar) -> Belief:

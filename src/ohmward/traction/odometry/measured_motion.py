@@ -9,9 +9,9 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
-from ohmward.filters.linear_algebra import std
+from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
+from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import (
     IS_HELD,
@@ -544,3 +544,51 @@ def learn_gyro_noise(
 def walk_variance(known: GyroNoise, gyro_walk: float) -> Scalar:
     """Variance of the angle over time [rad2/s]: from the samples, and at least the data sheet's."""
     return maximum(known.variance, gyro_walk**2)
+
+
+#: Length [s] of the spans over which the walk of the gyro's offset is learnt, number of them that the data sheet counts
+#: for, and number that is remembered.
+SPAN_S, SHEET_SPANS, MOST_SPANS = 5.0, 4.0, 20.0
+
+#: Limits of the walk over that of the data sheet.
+OFFSET_WALKS = (0.2, 10.0)
+
+
+class OffsetWalk(NamedTuple):
+    """Random walk of a gyro's offset, learnt from the changes of its estimate b over spans of time.
+
+        E[(b_1 - b_0)^2] = P_0 + q T - P_1
+
+    T is the length of a span, P_0 and P_1 are the variances of b at its ends, q is the variance of the walk over time.
+    """
+
+    variance: Any  #: q [rad2/s3]
+    spans: Any = SHEET_SPANS  #: number of spans behind it
+    time_s: Any = 0.0  #: since the start of this one
+    #: then
+    offset_rad_s: Any = 0.0
+    offset_variance: Any = 0.0
+
+
+def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_walk: float) -> OffsetWalk:
+    """The walk after a step; belief: of the odometry then.
+
+    A span counts by its information on q, the square of the share that the walk has in the variance of the change.
+    """
+    time_s, now = known.time_s + dt_s, known.variance
+    due = time_s >= SPAN_S
+    offset_rad_s, variance = belief.mean[OFFSET], belief.cov[OFFSET, OFFSET]
+    learnt_before = maximum(known.offset_variance - variance, 0.0)
+    change = offset_rad_s - known.offset_rad_s
+    seen = maximum(change * change - learnt_before, 0.0) / maximum(time_s, SPAN_S)
+    share = now / maximum(now + learnt_before / maximum(time_s, SPAN_S), TINY)
+    spans = minimum(known.spans + share * share, MOST_SPANS)
+    least, most = ((of_sheet * offset_walk) ** 2 for of_sheet in OFFSET_WALKS)
+    learnt = clip(now + share * share / spans * (seen - now), least, most)
+    return OffsetWalk(
+        variance=where(due, learnt, now),
+        spans=where(due, spans, known.spans),
+        time_s=where(due, 0.0, time_s),
+        offset_rad_s=where(due, offset_rad_s, known.offset_rad_s),
+        offset_variance=where(due, variance, known.offset_variance),
+    )

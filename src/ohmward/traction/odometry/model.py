@@ -62,8 +62,9 @@ class OdometryNoise:
     #: slip ratio of the driven wheels at constant speed; 0 if the radius contains it, because it was calibrated by
     #: driving
     creep: float = 0.0
-    #: random walk of the offset [rad/s per root of a second]: a fifth of a degree per second in an hour, as it warms up
-    gyro_offset_walk: float = 6e-5
+    #: random walk of the offset [rad/s per root of a second] until a drive shows it: an eighth of a degree per second
+    #: in a minute, as it warms up; a warm one has a fifth of that
+    gyro_offset_walk: float = 3e-4
     slip_share: float = 0.005  #: slip of the wheels over their speed, if no observer estimates it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
     turn_share: float = 0.06  #: relative error of the wheels' yaw rate, by slip in turns
@@ -208,6 +209,8 @@ class MotionInput(NamedTuple):
     #: estimates of k_w and of the forward slip before the step
     turn_scale: Any = 0.0
     slip_sigmas: Any = 0.0
+    offset_walk: Any = 0.0  #: variance of the gyro's offset over time [rad2/s3]
+    wheels_variance: Any = 0.0  #: of the wheels' turn over time, by noise of their speeds [rad2/s]
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -> Belief:
@@ -307,8 +310,8 @@ def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.nda
         [(along - across) * c * s, along * s * s + across * c * c, 0.0],
         [0.0, 0.0, turned],
     ])  # fmt: skip
-    apart = where(u.comparable, by_gyro, u.count_rad * u.count_rad)
-    variances = [noise.gyro_offset_walk**2 * u.dt_s, *[0.0] * (APART - OFFSET - 1), apart, *(1.0 - decay * decay)]
+    apart = where(u.comparable, by_gyro + u.wheels_variance * u.dt_s, u.count_rad * u.count_rad)
+    variances = [u.offset_walk * u.dt_s, *[0.0] * (APART - OFFSET - 1), apart, *(1.0 - decay * decay)]
     Q = np.zeros((len(NAMES), len(NAMES)), dtype=np.result_type(pose, np.asarray(variances)))
     Q[:3, :3] = pose
     Q[range(3, len(NAMES)), range(3, len(NAMES))] = variances

@@ -66,8 +66,10 @@ from ohmward.traction.odometry.measured_motion import (
     GyroNoise,
     MeasuredMotion,
     MotionState,
+    OffsetWalk,
     gyro_noise_of_sheet,
     learn_gyro_noise,
+    learn_offset_walk,
     no_motion,
     planar,
     rim_matrix,
@@ -135,6 +137,7 @@ class PoseState(NamedTuple):
     second_order_m: np.ndarray = np.zeros(2)
     turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
     agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
+    offset_walk: OffsetWalk = OffsetWalk(0.0)  #: of the gyro
 
 
 class PoseStep(NamedTuple):
@@ -195,6 +198,7 @@ class PoseFilter:
             empty_trail(steps), HeadingTimes(), Overrun(),
             turn=watch_of_turn(self.robot),
             agreed=Agreed(turn_scale_variance=belief.cov[TURN_SCALE, TURN_SCALE]),
+            offset_walk=OffsetWalk(self.noise.gyro_offset_walk**2, offset_variance=belief.cov[OFFSET, OFFSET]),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -224,7 +228,12 @@ class PoseFilter:
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
         comparable = motion.input.comparable & watch.comparable & logical_not(silent)
-        motion = motion._replace(input=motion.input._replace(comparable=comparable))
+        u = motion.input._replace(
+            comparable=comparable,
+            offset_walk=state.offset_walk.variance,
+            wheels_variance=state.sums.differences.wheels_variance,
+        )
+        motion = motion._replace(input=u)
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
         alone = motion.by_driven & (abs(motion.input.slip_sigmas) > GROSS_SLIP)
@@ -254,12 +263,13 @@ class PoseFilter:
         missed = missed + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
         estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, second_order_m)
+        offset_walk = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, self.noise.gyro_offset_walk)
         no_encoder = some([some_silent(encoders, sensors, self.robot), turn.some_reversed])
         incidents = self.incidents(before, clean, no_encoder, motion, body)
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
-            motion.input.motion_std[0], distance_m, second_order_m, turn, agreed,
+            motion.input.motion_std[0], distance_m, second_order_m, turn, agreed, offset_walk,
         )  # fmt: skip
         return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
