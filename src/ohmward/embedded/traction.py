@@ -20,7 +20,7 @@ from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
-from ohmward.traction.robot.chassis import Steered
+from ohmward.traction.robot.chassis import currents_show_force
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import FILTERS
@@ -70,7 +70,7 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
     """
     if filter_name not in FILTERS:
         raise InputError(f"filter must be one of {', '.join((*FILTERS, ODOMETRY, *CONTROLLERS))}, got {filter_name!r}")
-    if robot.chassis.scrubs or isinstance(robot.chassis, Steered):
+    if not currents_show_force(robot.chassis):
         raise InputError(
             f"{robot.name}: motor currents do not show the speed of a robot that scrubs or steers; export its pose and "
             f"speed by wheels and gyro, --filter {ODOMETRY}"

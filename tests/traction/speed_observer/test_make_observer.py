@@ -9,7 +9,9 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, SkidSteer, hard_terrain
+from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.slip import SlipByOdometry
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import (
     correlation,
@@ -151,6 +153,12 @@ def test_a_load_on_wheels_that_scrub_does_not_make_them_spin(name):
         found, without = (observe(observer, log).estimates for log in (loaded, calm))
         np.testing.assert_array_equal(found.speed_m_s, without.speed_m_s)
         assert not found.slipping.any()
+
+
+def test_a_car_has_the_same_observer_live_as_in_a_log():
+    robot = generic_robot(40.0, 0.1, 0.5, 0.4, layout="car")
+    log = DriveLog("car", TIME, np.ones((TIME.size, 3)), np.ones((TIME.size, robot.driven)))
+    assert chosen(log, robot).observer == default_observer(robot) == SlipByOdometry(pose_filter(robot))
 
 
 def test_slow_logs_have_no_gaps():

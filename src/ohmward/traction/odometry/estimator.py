@@ -17,6 +17,7 @@ from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.robot.chassis import currents_show_force
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -179,13 +180,13 @@ def odometry_samples(
 
 
 def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
-    """Conditions (...) that the observer knew the force of every motor; never true where wheels scrub.
+    """Conditions (...) that the observer knew the force of every motor; never true of one that scrubs or steers.
 
     Otherwise any torque is possible: the wheels may slip at any time, which widens the band, and they are never
     compared with the gyro, whose offset stays unknown.
     """
     measured = np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
-    return measured & (not robot.chassis.scrubs)
+    return measured & currents_show_force(robot.chassis)
 
 
 def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> Observed:

@@ -272,6 +272,11 @@ class Mecanum(Rectangle):
         )
 
 
+def currents_show_force(chassis: Chassis) -> bool:
+    """True where the motor currents show the force that drives the robot: not of one that scrubs or steers."""
+    return not (chassis.scrubs or isinstance(chassis, Steered))
+
+
 def rolling_matrix(chassis: Chassis) -> np.ndarray:
     """G (wheels, freedoms): travel speed of each wheel along its rolling direction, for each motion of the body."""
     rows = [_row(p.x_m, p.y_m, p.heading_rad) for p in chassis.places]

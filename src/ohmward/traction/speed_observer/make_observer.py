@@ -12,7 +12,7 @@ tau is the motors' torque, and v the motion that the wheels show while they grip
 and all friction that the robot file lacks. Its median is robust against slip, which is rare.
 
 A robot whose motor currents do not show the force that drives it is observed by wheels and gyro, see `SlipByOdometry`:
-one whose currents are not measured, and one whose wheels scrub.
+one whose currents are not measured, and one that scrubs or steers.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S, TURNS_M_S
 from ohmward.traction.odometry.model import RADIUS_STD, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.slip import SlipByOdometry
+from ohmward.traction.robot.chassis import currents_show_force
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
@@ -201,7 +202,7 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column left_wheel_speed=NAME "
             "(columns={'left_wheel_speed': 'NAME'}), or correct the robot"
         )
-    if robot.chassis.scrubs or not np.isfinite(log.motor_current_A).any(axis=0).all():
+    if not (currents_show_force(robot.chassis) and np.isfinite(log.motor_current_A).any(axis=0).all()):
         return Chosen(SlipByOdometry(odometry_for(robot, log)), unforced_notes(robot, log))
     disturbance_g = disturbance_m_s2(robot, log) / GRAVITY
     noise = with_disturbance(sensor_noise(robot, log), disturbance_g)
@@ -265,7 +266,7 @@ def unforced_notes(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
     """Notes where the motor currents of the log do not show the force that drives the robot."""
     notes = [Note(SCRUBBING)] if robot.chassis.scrubs else []
     measured = np.isfinite(log.motor_current_A).any()
-    if not (measured and robot.chassis.scrubs):
+    if currents_show_force(robot.chassis) or not measured:
         text = NO_CURRENTS_BUT_GYRO if "yaw_rate_rad_s" in log.channels else NO_CURRENTS
         notes.append(Note(f"{'not all' if measured else 'no'} motor currents{text}", "warning"))
     return tuple(notes)
@@ -341,7 +342,7 @@ def default_observer(
         robot = load_robot(robot)
     if not isinstance(terrain, Terrain):
         terrain = terrain_named(terrain, robot.wheel)
-    if robot.chassis.scrubs:
+    if not currents_show_force(robot.chassis):
         return SlipByOdometry(pose_filter(robot))
     has_passive = len(robot.places) > robot.driven
     noise = replace(ANY_SENSORS, passive_std_rad_s=ObserverNoise.encoder_std_rad_s if has_passive else None)
