@@ -308,7 +308,7 @@ def with_other_offset(belief: Belief, rad_s: Scalar, rejected_s: Scalar, time_s:
     time_s: since their last comparison.
     """
     shares = {OFFSET: 1.0, YAW: -rejected_s, APART: time_s}
-    change = rad_s * np.array([shares.get(i, 0.0) for i in range(len(NAMES))])
+    change = np.array([rad_s * shares.get(i, 0.0) for i in range(len(NAMES))])
     return Belief(belief.mean, belief.cov + np.outer(change, change))
 
 
