@@ -117,6 +117,18 @@ def test_defaults_are_those_of_the_library():
     assert arguments.model == DEFAULT_MODEL
 
 
+@pytest.mark.parametrize(
+    ("words", "name", "value"),
+    [
+        (("service", "install", "--print", "my.toml"), "setup", "my.toml"),
+        (("learn", "1.csv", "--battery", "b.toml", "2.csv", "-q", "3.csv"), "logs", ["1.csv", "2.csv", "3.csv"]),
+        (("soc", "--battery", "b.toml", "--", "-1.csv"), "log", "-1.csv"),
+    ],
+)
+def test_options_may_stand_between_files(words, name, value):
+    assert getattr(main.parse(words), name) == value
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_help_has_examples_and_the_options_common_to_all(command, capsys):
     options, examples = help_of(command, capsys).split("\nexamples:\n")

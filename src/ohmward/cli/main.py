@@ -154,31 +154,32 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     Raises:
         InputError: no such command, or arguments that it does not take.
     """
-    parser = Parser(
+    top = Parser(
         prog="ohmward",
         description="Charge, wheel slip and range of battery-powered robots, with uncertainties that hold.",
         epilog=f"{_groups()}\n\n{_EPILOG}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action="version", version=f"ohmward {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True, help="one of those below")
-    typed = next((word for word in words if word in COMMANDS), None)
-    if typed is None:
-        _require_command(words)
-    for name, what in COMMANDS.items():
-        command = commands.add_parser(
-            name,
-            description=f"{what[:1].upper()}{what[1:]}.",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-        if name == typed:
-            module = _load(name)
-            command.epilog = f"examples:\n{module.EXAMPLES}"
-            module.add_arguments(command)
-            add_detail_options(command)
-    return parser.parse_args(words)
+    top.add_argument("--version", action="version", version=f"ohmward {__version__}")
+    top.add_argument("command", metavar="COMMAND", help="one of those below")
+    first = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
+    name = top.parse_args(words[: first + 1]).command
+    _require_command(name)
+    module = _load(name)
+    parser = Parser(
+        prog=f"ohmward {name}",
+        description=f"{COMMANDS[name][:1].upper()}{COMMANDS[name][1:]}.",
+        epilog=f"examples:\n{module.EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    module.add_arguments(parser)
+    add_detail_options(parser)
+    arguments, left = parser.parse_known_args(words[first + 1 :])
+    if left:  # as files are that follow an option which follows files
+        arguments = parser.parse_intermixed_args(words[first + 1 :])
+    return argparse.Namespace(command=name, **vars(arguments))
 
 
 def _groups() -> str:
@@ -193,10 +194,9 @@ def _groups() -> str:
     return "\n".join(lines)
 
 
-def _require_command(words: Sequence[str]) -> None:
-    """Raise InputError for a first word that is not a command, and suggest the one most like it."""
-    word = next((word for word in words if not word.startswith("-")), None)
-    if word is not None:
+def _require_command(word: str) -> None:
+    """Raise InputError for a word that is not a command, and suggest the one most like it."""
+    if word not in COMMANDS:
         near = difflib.get_close_matches(word, COMMANDS, n=1)
         advice = f"did you mean `ohmward {near[0]}`?" if near else "see `ohmward --help`"
         raise InputError(f"there is no command {word!r}; {advice}")
