@@ -5,6 +5,7 @@ import math
 import os
 import threading
 import time
+import tty
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
@@ -341,6 +342,41 @@ def test_messages_of_a_serial_line_are_heard_and_their_names_asked(set_up):
     names = "1=battery_current_A,battery_voltage_V"
     found = set_up(os.ttyname(theirs), *BATTERY, "--message", names, status=0)
     assert set(found["recognised"]) == {"battery_current_A", "battery_voltage_V"}
+
+
+@pytest.mark.parametrize(
+    ("line", "signals"),
+    [
+        ("I_mA={:.0f} U={:.3f}V\n", {"battery_current_A": ("I_mA", 1e-3), "battery_voltage_V": ("U [V]", 1.0)}),
+        (
+            "Bus voltage [V],I_mA\n{1:.3f},{0:.0f}\n",
+            {"battery_current_A": ("2", 1e-3), "battery_voltage_V": ("1", 1.0)},
+        ),
+        (
+            "I\t{0:.0f}\r\nV\t{2:.0f}\r\nSOC\t845\r\nChecksum\tx\r\n",
+            {"battery_current_A": ("I", 1e-3), "battery_voltage_V": ("V", 1e-3), "bms_soc": ("SOC", 1e-3)},
+        ),
+    ],
+)
+def test_numbers_that_a_board_prints_are_recognised(set_up, line, signals):
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    printed = [line.format(-1000.0 * k, 26.0 - 0.01 * k, 26000.0 - 10.0 * k).encode() for k in range(5)]
+    with sending(lambda k: os.write(ours, printed[k % 5])):
+        set_up(os.ttyname(theirs), *BATTERY, "--current-sign", "charge", "--seconds", "2", status=0)
+    (source,) = SETUP_FILE.load("robot.toml").source
+    wired = {
+        s: (given, 1.0) if isinstance(given, str) else (given.name, given.scale) for s, given in source.signals.items()
+    }
+    assert wired == signals
+
+
+def test_numbers_without_names_are_listed_with_their_ranges(refused, folder):
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    with sending(lambda k: os.write(ours, f"{k % 2},13.5\n".encode())):
+        text = refused("setup", os.ttyname(theirs), *BATTERY, "--seconds", "2")
+    assert "among 1 (0 to 1), 2 (13.5 to 13.5); wire some: --signal battery_current_A=NAME" in text
 
 
 def test_what_was_there_is_kept_and_said(folder, capsys):

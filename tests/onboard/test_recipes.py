@@ -10,7 +10,7 @@ import pytest
 from markdown_pages import ROOT
 
 RECIPES = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
-INA226, VICTRON = re.findall(r"^```python\n(.*?)^```", RECIPES, re.DOTALL | re.MULTILINE)
+(INA226,) = re.findall(r"^```python\n(.*?)^```", RECIPES, re.DOTALL | re.MULTILINE)
 
 
 class OverError(Exception):
@@ -56,29 +56,6 @@ def test_the_ina226_is_read(monkeypatch, capsys):
         INA226, monkeypatch, capsys, smbus2=SimpleNamespace(SMBus=Bus), time=SimpleNamespace(sleep=lambda s: None)
     )
     assert found == [{"battery_current_A": pytest.approx(-2.5), "battery_voltage_V": pytest.approx(12.8)}] * 2
-
-
-def test_blocks_of_a_victron_are_read(monkeypatch, capsys):
-    block = [
-        b"PID\t0xA389\r\n",
-        b"V\t13120\r\n",
-        b"I\t-2500\r\n",
-        b"T\t---\r\n",
-        b"SOC\t876\r\n",
-        b"Checksum\t\xd5\r\n",
-    ]
-
-    left = [b"000\r\n", b"", *block, *block]
-
-    class Port(OpenedOnce):
-        def readline(self):
-            if not left:
-                raise OverError
-            return left.pop(0)
-
-    found = lines_of(VICTRON, monkeypatch, capsys, serial=SimpleNamespace(Serial=Port))
-    expected = {"battery_voltage_V": 13.12, "battery_current_A": -2.5, "bms_soc": 0.876}
-    assert found == [pytest.approx(expected)] * 2
 
 
 def test_the_answer_of_a_daly_is_read():

@@ -22,7 +22,7 @@ from ohmward.onboard.message import Message, ScaledSignal
 from ohmward.onboard.part import keep_running
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader, SerialFrame, decode, encode
-from ohmward.onboard.sources.serial import SerialSource
+from ohmward.onboard.sources.serial import PrintedLines, SerialSource
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wundef", "-pedantic"]
 MESSAGES: dict[str, tuple[str, ...]] = {"1": ("battery_current_A", "battery_voltage_V"), "2": ("estimate.soc",)}
@@ -137,9 +137,9 @@ def test_a_timer_that_overflows_goes_on():
     )
 
 
-async def while_reading(port, act, **settings):
+async def while_reading(port, act, messages=MESSAGES, **settings):
     got: list[Message] = []
-    task = asyncio.create_task(SerialSource(port, MESSAGES, **settings).run(got.append))
+    task = asyncio.create_task(SerialSource(port, messages, **settings).run(got.append))
     await asyncio.sleep(0.2)
     act()
     for _ in range(100):
@@ -178,6 +178,41 @@ def test_a_line_brings_samples_and_estimates(line, encoder):
     assert got[2].stamp_s - got[0].stamp_s == pytest.approx(0.01)
 
 
+#: Lines that a board prints, with what may stand between them, and its names of current and voltage.
+PRINTED = {
+    "JSON": (b'{"I": -2.5, "U": 13.25}\r\n', "I", "U"),
+    "pairs with units": (b"t=12 I=-2.5A U=13.25V\n", "I [A]", "U [V]"),
+    "a value a line": (b"I: -2.5\nU: 13.25 V\n", "I", "U [V]"),
+    "rows": (b"7,-2.5,13.25,\r\n", "2", "3"),
+    "rows, carriage return alone": (b"-2.5 13.25\r", "1", "2"),
+    "VE.Direct": (b"\r\nPID\t0xA389\r\nI\t-2.5\r\nV\t13.25\r\nChecksum\t\x9e", "I", "V"),
+}
+
+
+@pytest.mark.parametrize(("text", "current", "voltage"), PRINTED.values(), ids=PRINTED)
+def test_printed_numbers_are_samples(line, text, current, voltage):
+    ours, port = line
+    signals: dict[str, str | ScaledSignal] = {"battery_current_A": current, "battery_voltage_V": voltage}
+    # from the middle of a line on; later the board is reset within one
+    cut = text[len(text) // 2 :] + 3 * text + text[: len(text) // 2] + b"\xff\x00boot\r\n" + text
+    got = asyncio.run(while_reading(port, lambda: ours.write(cut), {}, signals=signals))
+    assert len(got) >= 3
+    numbers = {(name, value) for message in got for name, value in message.values.items() if not math.isnan(value)}
+    assert numbers == {("battery_current_A", -2.5), ("battery_voltage_V", 13.25)}
+
+
+def test_rows_that_have_lost_bytes_are_left_out():
+    lines = PrintedLines()
+    assert lines.feed(b"13.2,25\nms,I,U,T\n7,-2.5,13.2,25\n8,-2.5,13.2") == [
+        {"1": 7.0, "2": -2.5, "3": 13.2, "4": 25.0}
+    ]
+    assert lines.feed(b"\n") == [] and lines.feed(b"9,-2.5,13.2,25\n") == []  # which of the two is right is not known
+    assert lines.feed(b"10,-2.5,,25\n")[0]["2"] == -2.5
+    assert lines.headers[4] == ["ms", "I", "U", "T"]
+    lines.feed(b"x" * 10_000_000)
+    assert len(lines._rest) < 100_000
+
+
 def test_estimates_of_the_microcontroller_go_on_with_the_states():
     estimation = Estimation(generic_battery("nmc", 10.0, 4))
     (state,) = estimation.put(1.0, {"estimate.soc": 0.75})
@@ -204,7 +239,6 @@ def test_a_plug_that_is_pulled_is_named(line):
 
 def test_settings_and_ports_are_checked():
     refused: list[tuple[dict[str, Any], str]] = [
-        ({"messages": {}}, "messages is empty"),
         ({"messages": {"300": ("soc",)}}, "not the number of a message"),
         ({"messages": {"1": ("battery_curent_A",)}}, "did you mean battery_current_A"),
         ({"messages": MESSAGES, "signals": {"battery_current_A": "I"}}, "'I' is no value of the messages"),

@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from statistics import mode
 from typing import Any
@@ -63,10 +64,10 @@ _VALUE_WITH_UNIT = re.compile(r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d
 #: Smallest share of the lines that are those of blocks, and of the labels that follow each other as in the first block.
 _BLOCK_LINES_SHARE, _SAME_ORDER = 0.7, 0.7
 _LONGEST_LABELLED = 200
-_CHECKSUM = "Checksum"
+CHECKSUM = "Checksum"
 #: Units of VE.Direct of Victron, whose blocks end in a checksum.
-_VICTRON = {"V": "mV", "VS": "mV", "VM": "mV", "VPV": "mV", "I": "mA", "IL": "mA", "P": "W", "PPV": "W", "CE": "mAh",
-            "T": "degC"}  # fmt: skip
+VICTRON = {"V": "mV", "VS": "mV", "VM": "mV", "VPV": "mV", "I": "mA", "IL": "mA", "P": "W", "PPV": "W", "CE": "mAh",
+           "T": "degC", "SOC": "permille"}  # fmt: skip
 #: Prefix of the keys in `uevent` of a power supply under Linux.
 _UEVENT = "POWER_SUPPLY_"
 
@@ -241,7 +242,7 @@ def are_blocks(head: bytes) -> bool:
     labels = [label for label, _, _ in map(_labelled, lines) if label]
     if len(labels) < _BLOCK_LINES_SHARE * len(lines):
         return False
-    labels = [label for label in labels if label != _CHECKSUM]
+    labels = [label for label in labels if label != CHECKSUM]
     most_frequent = mode(labels) if labels else ""
     at = [k for k, label in enumerate(labels) if label == most_frequent]
     if len(at) < 2:
@@ -265,21 +266,47 @@ def _labelled(line: str) -> tuple[str, str, str]:
 def rows_of_blocks(text: str) -> list[dict[str, Any]]:
     """The numbers and texts of each block by their names, with units; a name that comes again begins the next block."""
     lines = [found for found in map(_labelled, text.splitlines()) if found[0]]
-    units = _VICTRON if any(label == _CHECKSUM for label, _, _ in lines) else {}
+    units = VICTRON if any(label == CHECKSUM for label, _, _ in lines) else {}
     rows: list[dict[str, Any]] = []
     labels: set[str] = set()
     for label, cell, time in lines:
-        if label == _CHECKSUM:
+        if label == CHECKSUM:
             continue
         if not rows or label in labels:
             rows.append({"time": time} if time else {})
             labels = set()
         labels.add(label)
-        number = _VALUE_WITH_UNIT.fullmatch(cell)
-        name = label.removeprefix(_UEVENT).lower() if label.startswith(_UEVENT) else label
-        unit = (number and number["unit"]) or units.get(label)
-        rows[-1][f"{name} [{unit}]" if unit else name] = float(number["value"]) if number else cell
+        rows[-1].update([_named_value(label, cell, units)])
     return rows
+
+
+def _named_value(label: str, cell: str, units: Mapping[str, str]) -> tuple[str, float | str]:
+    """Name with its unit, and number or text, of a line of a block; units: of labels whose numbers have none."""
+    number = _VALUE_WITH_UNIT.fullmatch(cell)
+    name = label.removeprefix(_UEVENT).lower() if label.startswith(_UEVENT) else label
+    unit = (number and number["unit"]) or units.get(label)
+    return f"{name} [{unit}]" if unit else name, float(number["value"]) if number else cell
+
+
+def cells_of_line(line: str) -> list[str]:
+    """The cells of a line, at its commas, semicolons or tabs; else at its spaces."""
+    return re.split(r"[,;\t]" if re.search(r"[,;\t]", line) else r"\s+", line.strip())
+
+
+def numbers_of_line(line: str) -> dict[str, Any]:
+    """The values of a line by their names: a JSON object, pairs or a label; {} for any other line.
+
+    Those of a row of numbers are named by their places, from "1"; an empty cell is nan.
+    """
+    with suppress(ValueError):
+        return {str(place): float(cell or "nan") for place, cell in enumerate(cells_of_line(line), 1)}
+    with suppress(ValueError, RecursionError):
+        found = json.loads(line)
+        return found if isinstance(found, dict) else {}
+    if rows := rows_of_lines(line):
+        return rows[0]
+    label, cell, _ = _labelled(line)
+    return dict([_named_value(label, cell, {})]) if label else {}
 
 
 def rows_of_lines(text: str) -> list[dict[str, Any]]:

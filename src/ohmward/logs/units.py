@@ -76,6 +76,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("mm", "length", 1e-3): ("mm",),
     Unit("1", "share", 1.0): ("1", "-"),
     Unit("%", "share", 1e-2): ("%", "percent", "pct"),
+    Unit("permille", "share", 1e-3): ("permille", "‰"),
     Unit("V/K", "entropy", 1.0): ("v/k", "v_per_k", "v/degc", "v/°c"),
     Unit("mV/K", "entropy", 1e-3): ("mv/k", "mv_per_k", "mv/degc", "mv/°c"),
 }

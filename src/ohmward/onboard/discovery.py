@@ -16,6 +16,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.bags.bag_table import open_recording
 from ohmward.logs.bags.recording import CDR, Topic
 from ohmward.logs.can_file import received_frames
+from ohmward.logs.objects_file import CHECKSUM, VICTRON
 from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
 from ohmward.onboard.message import as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker
@@ -23,7 +24,7 @@ from ohmward.onboard.recognition import Offered
 from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameReader
-from ohmward.onboard.sources.serial import SerialSource
+from ohmward.onboard.sources.serial import PrintedLines, SerialSource
 
 #: Most names recorded; a broker with more serves a whole building, and the rest is left out.
 MOST_NAMES = 2000
@@ -139,26 +140,37 @@ def _numbers(topic: str, payload: bytes) -> Iterator[tuple[str, object]]:
         yield topic, found
 
 
-def messages_of_line(port: str, baud: int, seconds: float) -> dict[int, int]:
-    """Numbers of the messages heard on a serial line -> count of values of each.
+def of_line(port: str, baud: int, seconds: float) -> tuple[dict[int, int], list[Offered]]:
+    """Numbers of the messages heard on a serial line -> count of values of each; or the numbers that a board prints.
 
     Raises:
-        OhmwardError: the line cannot be opened or fails, or has no frame.
+        OhmwardError: the line cannot be opened or fails, or has neither a frame nor a line with numbers.
     """
-    frames = FrameReader()
+    frames, lines, heard = FrameReader(), PrintedLines(), Heard()
     found: dict[int, int] = {}
-    source = SerialSource(port, {"0": ("",)}, baud)
+    units: Mapping[str, str] = {}
 
     async def listen() -> None:
-        async with source.line() as line:
+        nonlocal units
+        async with SerialSource(port, baud=baud).line() as line:
             while True:
-                for data, _ in await line.take():
+                for data, received_s in await line.take():
                     found.update({frame.number: len(frame.values) for frame in frames.feed(data)})
+                    for numbers in lines.feed(data):
+                        heard.put(received_s, numbers)
+                        units = VICTRON if CHECKSUM in numbers else units
 
     _for_so_long(listen(), seconds)
-    if not found:
-        raise OhmwardError(f"{port}: no frame in {seconds:g} s; is the board on, and is --baud {baud} its rate?")
-    return dict(sorted(found.items()))
+    if not found and not heard.names:
+        raise OhmwardError(
+            f"{port}: no frame and no line with numbers in {seconds:g} s; is the board on, does it send without being "
+            f"asked, and is --baud {baud} its rate?"
+        )
+    places = [name for name in heard.names if name.isdecimal()]
+    header = dict(zip(places, lines.headers.get(len(places), ()), strict=False))
+    return dict(sorted(found.items())), [
+        heard.offered(name, header.get(name, name), units.get(name, "")) for name in heard.names
+    ]
 
 
 class BagTopic(NamedTuple):

@@ -85,9 +85,13 @@ def run(args: argparse.Namespace) -> Outcome:
         add_arguments(parser)
         args = parser.parse_args([*args.sources, *words], argparse.Namespace(**vars(args) | {"sources": None}))
         plan = make_plan(args, offers)
+    if not (plan.questions or _found(plan)):
+        among = ", ".join(_heard(one) for offer in offers for one in offer.offered)
+        raise InputError(
+            f"no signal of a battery or of wheels was recognised among {among or 'none'}; wire some: "
+            "--signal battery_current_A=NAME"
+        )
     if plan.battery is None and plan.robot is None:
-        if not plan.questions:
-            raise InputError("no signal of a battery or of wheels was recognised; wire some: --signal SIGNAL=NAME")
         raise InputError(
             f"{len(_found(plan))} signals recognised, and neither a battery nor a robot to estimate with; "
             + " ".join(question.text for question in plan.questions),
@@ -95,6 +99,12 @@ def run(args: argparse.Namespace) -> Outcome:
         )
     backups = _write(plan)
     return Outcome(_summary(plan, backups), _text(plan, backups), status=1 if plan.questions else 0)
+
+
+def _heard(one: Offered) -> str:
+    """Name of an offered number, with its range where that is known."""
+    lowest, highest = one.range
+    return f"{one.name} ({lowest:.4g} to {highest:.4g})" if lowest <= highest else one.name
 
 
 def _look(source: str, args: argparse.Namespace) -> Offer:
@@ -143,16 +153,19 @@ def _broker(source: str, args: argparse.Namespace) -> Offer:
 
 
 def _line(source: str, args: argparse.Namespace) -> Offer:
-    """Messages of a serial line; their values have only the names that --message gives."""
+    """Numbers that a board prints, or messages, whose values have only the names that --message gives."""
     given = {number: names.split(",") for number, names in args.message}
-    heard = {} if given else discovery.messages_of_line(source, args.baud, args.seconds)
+    heard, printed = ({}, []) if given else discovery.of_line(source, args.baud, args.seconds)
+    settings = {"port": source, "baud": args.baud}
+    if printed and not heard:
+        return Offer("serial", settings, printed)
     questions = [
         Question(f"message {number} has {count} values: what are they, in order?", "--message", f"{number}=NAME,...")
         for number, count in heard.items()
     ]
     names = [name for names in given.values() for name in names if name.partition(".")[0] not in QUANTITIES]
-    settings = {"port": source, "baud": args.baud, "messages": given}
-    return Offer("serial", settings, [Offered(name, name) for name in names if name], (), tuple(questions))
+    offered = [Offered(name, name) for name in names if name]
+    return Offer("serial", settings | {"messages": given}, offered, (), tuple(questions))
 
 
 def _recording(topics: Sequence[discovery.BagTopic], chosen: Mapping[str, str]) -> Offer:

@@ -14,7 +14,7 @@ import os
 import stat
 import sys
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -138,8 +138,7 @@ class JsonLinesSource:
         found = json_value(line)
         if not isinstance(found, dict):
             return None
-        own = {key: value for key, value in found.items() if key not in wiring.signals}
-        values = own_names(own) | wiring.values(found)
+        values = wired_and_own(found, wiring)
         stamp_s = as_number(found.get(self.time, math.nan))
         return Message(stamp_s, received_s, self.name, values, publisher) if values else None
 
@@ -161,6 +160,12 @@ class JsonLinesSource:
                 f"no connection to {self.address} ({error.strerror or error}); is it listening? "
                 "If it connects to this process instead: listen = true"
             ) from error
+
+
+def wired_and_own(found: Mapping[str, object], wiring: Wiring) -> dict[str, float]:
+    """Values by signal, for keys that are wired, and for others that are quantities."""
+    own = {key: value for key, value in found.items() if key not in wiring.signals}
+    return own_names(own) | wiring.values(found)
 
 
 def own_names(found: dict[str, object]) -> dict[str, float]:

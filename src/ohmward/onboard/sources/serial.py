@@ -1,20 +1,25 @@
-"""Serial line from a microcontroller: frames of `NAME_frame.c` in an exported library."""
+"""Serial line from a microcontroller: frames of `NAME_frame.c` in an exported library, or lines of text."""
 
 from __future__ import annotations
 
 import errno
+import math
 import os
+import re
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.objects_file import cells_of_line, numbers_of_line
+from ohmward.onboard.line_reader import LONGEST_LINE
 from ohmward.onboard.message import Handover, Message, Put, Signals, Wiring, read_in_thread
 from ohmward.onboard.part import FaultyInput
-from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
+from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader, SerialFrame
+from ohmward.onboard.sources.json_lines import wired_and_own
 from ohmward.optional import require
 from ohmward.quantities import QUANTITIES
 
@@ -24,11 +29,12 @@ _END_READ_S = 0.1
 
 @dataclass(frozen=True)
 class SerialSource:
-    """Frames of a line."""
+    """Frames of a line, or the numbers that a board prints."""
 
     port: str  #: serial device, or a URL of pyserial such as "socket://192.168.1.7:4000"
-    #: message number -> names of its values in order; "" skips a value
-    messages: dict[str, tuple[str, ...]]
+    #: message number -> names of its values in order; "" skips a value. Without messages the board prints lines: JSON
+    #: objects, `V=13.2 I=-4.1`, `V\t13200`, or rows of numbers, which are named "1", "2", ... by their places
+    messages: dict[str, tuple[str, ...]] = field(default_factory=dict)
     baud: int = 921_600  #: baud rate; USB ignores it
     #: quantity -> one of these names; other names may be quantities themselves
     signals: Signals = field(default_factory=dict)
@@ -36,14 +42,12 @@ class SerialSource:
 
     def __post_init__(self) -> None:
         require_between("baud", self.baud, 50, 1e8)
-        if not self.messages:
-            raise InputError('messages is empty; name the values of one: messages = {1 = ["battery_current_A", "soc"]}')
         for number in self.messages:
             if not (number.isdecimal() and int(number) < 256):
                 raise InputError(f"messages: {number!r} is not the number of a message, 0 to 255")
         names = {name for found in self.messages.values() for name in found}
         for name in self._wiring().signals:
-            if name not in names:
+            if self.messages and name not in names:
                 raise InputError(
                     f"signals: {name!r} is no value of the messages, which have {', '.join(sorted(names))}"
                 )
@@ -57,21 +61,45 @@ class SerialSource:
 
     async def run(self, put: Put) -> None:
         """Put the messages of the line until it fails."""
+        messages = self._of_frames() if self.messages else self._of_text()
+        async with self.line() as line:
+            while True:
+                for data, received_s in await line.take():
+                    for message in messages(data, received_s):
+                        put(message)
+
+    def _of_frames(self) -> Callable[[bytes, float], Iterator[Message]]:
+        """Messages from received bytes of frames, and the time of their receipt."""
         wiring, frames, clock = self._wiring(), FrameReader(), FrameClock()
         names = {int(number): found for number, found in self.messages.items()}
         faulty = FaultyInput(self.name, "frames with a wrong CRC or of another length; are baud and messages right?")
         lost = FaultyInput(self.name, "frames were lost on the line or before it")
-        async with self.line() as line:
-            while True:
-                for data, received_s in await line.take():
-                    for frame in frames.feed(data):
-                        if message := self.message(frame, names, wiring, clock, received_s):
-                            put(message)
-                        else:
-                            faulty.count()
-                    faulty.count(frames.faulty)
-                    lost.count(frames.lost)
-                    frames.faulty = frames.lost = 0
+
+        def messages(data: bytes, received_s: float) -> Iterator[Message]:
+            for frame in frames.feed(data):
+                if message := self.message(frame, names, wiring, clock, received_s):
+                    yield message
+                else:
+                    faulty.count()
+            faulty.count(frames.faulty)
+            lost.count(frames.lost)
+            frames.faulty = frames.lost = 0
+
+        return messages
+
+    def _of_text(self) -> Callable[[bytes, float], Iterator[Message]]:
+        """Messages from received bytes of text, and the time of their receipt."""
+        wiring, lines = Wiring(self.signals), PrintedLines()
+        faulty = FaultyInput(self.name, "lines without numbers, or rows of another length; is baud right?")
+
+        def messages(data: bytes, received_s: float) -> Iterator[Message]:
+            for numbers in lines.feed(data):
+                if values := wired_and_own(numbers, wiring):
+                    yield Message(math.nan, received_s, self.name, values)
+            faulty.count(lines.faulty)
+            lines.faulty = 0
+
+        return messages
 
     def message(
         self,
@@ -120,3 +148,40 @@ class SerialSource:
                 fix = f"there are: {', '.join(there)}" if there else "no port is there: is it plugged in?"
             reason = os.strerror(number) if number else str(error)
             raise OhmwardError(f"{self.port} cannot be opened ({reason}); {fix}") from error
+
+
+class PrintedLines:
+    """Numbers of the lines that a board prints, from bytes as they come, in pieces of any size.
+
+    The numbers of the first line are left out, which may have begun before anybody listened, and those of a row that
+    is not as long as the one before it: bytes were lost.
+
+    Attributes:
+        faulty: number of lines that were left out.
+        headers: number of columns -> their names, for each header that was printed.
+    """
+
+    def __init__(self) -> None:
+        self.faulty = 0
+        self.headers: dict[int, list[str]] = {}
+        self._rest, self._width, self._first = b"", 0, True
+
+    def feed(self, data: bytes) -> list[dict[str, Any]]:
+        """Values by name of each line that these bytes complete."""
+        *lines, rest = re.split(rb"[\r\n]+", self._rest + data)
+        self._rest = rest[:LONGEST_LINE]
+        return [found for line in lines if line.strip() and (found := self._numbers(line.decode(errors="replace")))]
+
+    def _numbers(self, line: str) -> dict[str, Any]:
+        numbers = numbers_of_line(line)
+        if not numbers and len(cells := cells_of_line(line)) <= MOST_VALUES and all(map(str.isprintable, cells)):
+            self.headers[len(cells)] = [cell.strip() for cell in cells]
+        was_first, self._first = self._first, False
+        if was_first:
+            return {}
+        width = len(numbers) if "1" in numbers else self._width
+        fits, self._width = self._width in (0, width), width
+        if not (numbers and fits):
+            self.faulty += 1
+            return {}
+        return numbers
