@@ -215,9 +215,22 @@ def test_many_logs_are_those_of_a_fleet(here, as_json):
 
 def test_a_battery_file_is_made_first_where_there_is_none(here, as_json, refused):
     Path("battery.toml").unlink()
-    make, estimate = as_json("doctor", "day.csv")["next"]
+    make, learn, estimate = as_json("doctor", "day.csv")["next"]
     assert make == "ohmward generic --chemistry CHEMISTRY --capacity-ah AH --n-series N -o battery.toml"
+    assert learn == "ohmward learn day.csv --battery battery.toml -o battery.toml"
     assert "make one with `ohmward generic`" in refused(*shlex.split(estimate)[1:])
+
+
+def test_a_working_day_with_many_rests_is_no_test(here, as_json):
+    assert as_json("doctor", "test.csv")["next"][0].startswith("ohmward identify test.csv --capacity-ah AH")
+    work_A = np.where(np.arange(100) < 50, 0.0, -4.0 - np.arange(100) % 3)
+    current_A = np.tile(work_A, 20)
+    voltage_V = 13.2 + 0.03 * current_A + 1e-5 * np.cumsum(current_A)
+    write_log(Log("work", 1.0 * np.arange(current_A.size), current_A, voltage_V), here / "work.csv")
+    found = as_json("doctor", "work.csv")
+    activity = found["logs"][0]["survey"]["activity"]
+    assert min(activity["rests"], activity["pulses"]) >= 5
+    assert [command.split()[1] for command in found["next"]] == ["soc"]
 
 
 def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):

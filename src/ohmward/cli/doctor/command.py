@@ -11,8 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ohmward.battery.battery import Battery, LogFit
+from ohmward.battery.charge_count import count_charge
 from ohmward.battery.file import BATTERY_FILE, load_battery
+from ohmward.battery.identification.record import make_records
 from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
 from ohmward.battery.soc import band_forecast
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log, reading_words
@@ -43,8 +47,6 @@ from ohmward.traction.robot.packaged import PACKAGED
 from ohmward.traction.robot.robot import ROBOT_FILE
 
 _LOG = "log"
-#: Smallest number of rests, and of pulses, of a test from which a battery can be identified.
-_PULSES_OF_A_TEST = 5
 #: More logs than these are those of a fleet: the next command is one for all of them.
 _MOST_LOGS = 10
 #: How to read the bands.
@@ -198,11 +200,13 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
             log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
     if log is not None:
         found = examine(log)
-        activity = found.survey.activity
-        is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
-        label = ("--capacity-ah", "AH", "--chemistry", "CHEMISTRY", "--n-series", "N", "-o", given.battery)
-        commands = [given.next_command("identify", path, *label)] if is_test else given.make_battery()
-        commands.append(given.next_command("soc", path, "--battery", given.battery))
+        of_battery = ("--battery", given.battery)
+        if _has_pulses(log, found):
+            label = ("--capacity-ah", "AH", "--chemistry", "CHEMISTRY", "--n-series", "N", "-o", given.battery)
+            commands = [given.next_command("identify", path, *label)]
+        elif commands := given.make_battery():
+            commands.append(given.next_command("learn", path, *of_battery, "-o", given.battery))
+        commands.append(given.next_command("soc", path, *of_battery))
         yield _examined(
             "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
         )
@@ -210,8 +214,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         of_drive = examine_drive(drive, places)
         commands = [*given.make_robot(path, drive), given.next_command("slip", path, "--robot", given.robot)]
         if log is not None:
-            of_robot = ("--robot", given.robot, "--battery", given.battery)
-            commands.append(given.next_command("mission", path, *of_robot))
+            commands.append(given.next_command("mission", path, "--robot", given.robot, *of_battery))
         name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
         yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
 
@@ -236,6 +239,13 @@ def _examined(
     )
     summary = {"path": path} | asdict(found) | {"worst": found.worst}
     return Part(kind, title, text, summary, commands, found.notes, found.worst == "error", section)
+
+
+def _has_pulses(log: Log, found: Findings[Survey]) -> bool:
+    """True for a pulse test; the charge between its fullest and its emptiest moment stands for the capacity."""
+    activity = found.survey.activity
+    moved_Ah = np.ptp(count_charge(log).total_Ah) if activity.pulses else 0.0
+    return moved_Ah > 0.0 and make_records(log, moved_Ah, activity.rest_current_A or 0.0)[0].test == "pulses"
 
 
 def _cells(log: Log) -> set[str]:
