@@ -87,6 +87,15 @@ def test_a_v_is_the_speed_of_a_rim_and_the_note_says_so(write):
     assert "assumed to be in m/s" in notes(log) and "radius 0.5 m" in notes(log)
 
 
+def test_electrical_turns_a_minute_need_the_pole_pairs(write):
+    speed_rad_s = np.sin(TIME)
+    path = write({"t": TIME, "left_erpm": speed_rad_s * 30 / np.pi * 7 * 20, "erpmRight": 0 * TIME})
+    with pytest.raises(InputError, match="pole pairs, with --counts-per-turn 7"):
+        drive(path)
+    log = drive(path, counts_per_turn=7, at_motor_shaft=True, gear_ratio=20)
+    assert log.wheel_speed_rad_s[:, 0] == pytest.approx(speed_rad_s, abs=1e-9)
+
+
 def test_counts_roll_over(write):
     true = np.array([65000, 65400, 66000, 65500, 65000])
     log = drive(write({"t": TIME, "enc_l": true % 65536, "enc_r": true - 65000}), counts_per_turn=100.0)

@@ -61,6 +61,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min"),
     Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps"),
     Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "tps", "cps", "qpps"),
+    Unit("erpm", "turn rate", 1 / 60): ("erpm",),  # pole pairs of the motor pass in a minute
     Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
     Unit("km/h", "speed", 1 / 3.6): ("km/h", "kmh", "kph"),
@@ -105,7 +106,7 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 
 
 # `rpm_left`, `ticks.right`
-_BEFORE = re.compile(r"^(?P<unit>rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
+_BEFORE = re.compile(r"^(?P<unit>e?rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
 # `TimeUS` of ArduPilot, `BattV`, `tempC`, `busVoltageMv`
 _CAPITALS = re.compile(
     r"^(?P<stem>\w*?(?:[Tt]ime(?:stamp)?|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"

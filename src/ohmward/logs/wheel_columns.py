@@ -342,6 +342,11 @@ def wheel_speed(
         return unit.in_si(values) / gear_ratio, ()
     if unit.dimension == "angle":
         return speed_from_angle(unit.in_si(values), time_s) / gear_ratio, ()
+    if mechanics.counts_per_turn is None and unit is UNITS["erpm"]:
+        raise InputError(
+            f"{source}: {name!r} counts electrical turns; give the motor's pole pairs, with --counts-per-turn 7 "
+            "(counts_per_turn=7), and --motor-shaft (at_motor_shaft=True) if the wheel is behind a gear"
+        )
     if mechanics.counts_per_turn is None:
         raise InputError(
             f"{source}: {name!r} counts the turns of a wheel; say how far with --counts-per-turn 4096 "
@@ -349,7 +354,7 @@ def wheel_speed(
             "wheel_speed=m"
         )
     if unit.dimension == "turn rate":
-        return values * (2 * math.pi / mechanics.counts_per_turn / gear_ratio), ()
+        return unit.in_si(values) * (2 * math.pi / mechanics.counts_per_turn / gear_ratio), ()
     if are_since_last_row(values, mechanics.counts_per_turn):
         text = f"{name!r} does not grow along the drive: read as counts since the previous row, and added up"
         speed_rad_s, _ = speed_from_counts(np.nancumsum(values), time_s, mechanics.counts_per_turn)
