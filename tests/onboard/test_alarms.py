@@ -73,6 +73,11 @@ def test_who_charges_need_not_hear_of_it():
     assert names(AlarmWatch(AT_ONCE), state(0.02), state(0.02, current_A=5.0)) == [("empty", "low"), ()]
 
 
+def test_the_offset_of_the_sensor_of_a_parked_robot_is_no_charging():
+    parked = [state(0.02, current_A=current_A) for current_A in (-0.01, 0.02, -0.02, 0.05)]
+    assert names(AlarmWatch(AT_ONCE), *parked) == [("empty", "low")] * 4
+
+
 def test_an_unknown_charge_leaves_an_alarm_as_it_was():
     unknown = state(0.1)._replace(battery=None, slip=None, battery_time_s=math.nan)
     assert names(AlarmWatch(AT_ONCE), state(0.1), unknown) == [("low",), ("low",)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ohmward.checks import require_between
 from ohmward.onboard.part import LOG
-from ohmward.onboard.robot_state import Alarm, RobotState, soc_band, stale
+from ohmward.onboard.robot_state import Alarm, RobotState, is_charging, soc_band, stale
 
 #: Width beyond which the 95 % band of the charge is of no use to an operator, and what then helps.
 ANYTHING, NOT_KNOWN = 0.6, "The charge is not known: charge the battery fully once."
@@ -99,12 +99,13 @@ class AlarmWatch:
             text = f"The battery's own management reports an alarm ({self._bms_alarm:g})."
             found["bms"] = self._bms_alarm - 0.5, 0.0, text
         low, home = _low(state), state.range.home_probability if state.range else math.nan
-        if self._current_A > 0.0:  # it charges
+        charges = is_charging(self._current_A, state.battery)
+        if charges:
             low = home = math.inf
         if limits.charge:
             text = f"The charge is not known: {stale(state)}." if state.is_silent("battery") else NOT_KNOWN
             found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, text
-            if self._current_A > 0.0 and not state.is_silent("battery"):
+            if charges and not state.is_silent("battery"):
                 found["charge"] = -math.inf, hysteresis, ""
         found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
         down = f"the battery may be down to {100 * low:.0f} %" if math.isfinite(low) else "the charge may not last"

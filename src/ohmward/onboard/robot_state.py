@@ -140,6 +140,13 @@ class RobotState(NamedTuple):
         return group in self.silent or (estimate is None and math.isfinite(getattr(self, f"{group}_time_s")))
 
 
+def is_charging(current_A: float, charge: SocEstimate | None) -> bool:
+    """True if the current charges the battery by more than the offset of its sensor explains."""
+    if charge is None or math.isnan(charge.current_offset_A):
+        return current_A > 0.0
+    return current_A - charge.current_offset_A > charge.current_offset_std_A
+
+
 def soc_band(soc: float, soc_std: float) -> tuple[float, float]:
     """95 % band of a state of charge, limited to 0 to 1."""
     low, high = (min(max(soc + z * soc_std, 0.0), 1.0) for z in (-BAND_95, BAND_95))
