@@ -91,6 +91,13 @@ def test_a_fault_of_ohmward_is_told_from_a_finding(here, monkeypatch, capsys):
     assert "Traceback" in said and "this is a fault of ohmward" in said and "ValueError: min() arg" in said
 
 
+@pytest.mark.parametrize(
+    "words", [("doctor", "{}.csv"), ("soc", "day.csv", "--battery", "battery.toml", "-o", "{}.csv")]
+)
+def test_a_path_that_the_system_refuses_is_no_fault_of_ohmward(words, here, refused):
+    assert "(File name too long); choose another path" in refused(*(word.format(300 * "x") for word in words))
+
+
 def test_a_terminal_without_a_sign_loses_only_the_sign(here):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
     done = python("-m", "ohmward.cli", "soc", "day.csv", "--battery", "battery.toml", env=environment)

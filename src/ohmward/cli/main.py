@@ -131,6 +131,9 @@ def _status(words: Sequence[str]) -> int:
         close_output()
         return BROKEN_PIPE
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            _print_error(f"{error.filename}: the system refuses it ({error.strerror}); choose another path")
+            return REFUSED
         traceback.print_exc()
         _print_error(
             f"this is a fault of ohmward, not of your input ({type(error).__name__}: {error}); please report the lines "

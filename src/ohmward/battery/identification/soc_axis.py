@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -129,8 +130,8 @@ def find_anchors(
         raise InputError(
             f"log {record.log.name!r}: its state of charge is unknown (no full charge, no rest at a known "
             f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
-            f"give it (--initial-soc {record.log.name}=0.8, initial_soc={{{record.log.name!r}: 0.8}}), add a low-rate "
-            "test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
+            f"give it (--initial-soc {shlex.quote(record.log.name + '=0.8')}, initial_soc={{{record.log.name!r}: "
+            "0.8}), add a low-rate test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
         )
     return (min(known, key=lambda a: a.std),)
 
