@@ -457,3 +457,10 @@ def test_a_slow_sensor_whose_first_values_came_in_haste_is_not_silent():
         watch.take("mqtt", time_s, time_s, {"battery_voltage_V": 13.0 + 1e-3 * time_s})
     (found,) = [d for d in watch.look(100.0) if d.name == "battery_voltage_V"]
     assert found.level == Level.OK
+
+
+def test_a_simulation_that_is_still_being_made_lacks_no_sensor(battery):
+    watch = SensorWatch(battery, RLMA)  # a source that makes its own measurements promises none
+    assert list(watch.look(60.0)) == []
+    watch.take("simulation", 61.0, 61.0, {"pitch_rad": 0.1})
+    assert {d.name for d in watch.look(62.0 + MISSED_S) if d.level == Level.STALE} >= {"sensors of the battery"}

@@ -370,7 +370,7 @@ class SensorWatch:
 
     def _needed(self, now_s: float) -> Iterator[Diagnostic]:
         """Conditions of what the estimates of battery and drive need at least, if all sources send something else."""
-        sending = all(now_s - delivery.first_s >= MISSED_S for delivery in self.sources.values())
+        sending = bool(self.sources) and all(now_s - delivery.first_s >= MISSED_S for delivery in self.sources.values())
         declared = {signal.partition(".")[0] for delivery in self.sources.values() for signal in delivery.signals}
         for group, owner in (("battery", self.battery), ("drive", self.robot)):
             name, needed = f"sensors of the {group}", EVIDENCE[group]
