@@ -8,6 +8,7 @@ import random
 import shutil
 import struct
 import subprocess
+import time
 import tty
 from contextlib import suppress
 from typing import Any
@@ -199,6 +200,14 @@ def test_printed_numbers_are_samples(line, text, current, voltage):
     assert len(got) >= 3
     numbers = {(name, value) for message in got for name, value in message.values.items() if not math.isnan(value)}
     assert numbers == {("battery_current_A", -2.5), ("battery_voltage_V", 13.25)}
+
+
+def test_noise_of_a_wrong_baud_rate_takes_little_time():
+    rng, lines = random.Random(6), PrintedLines()
+    began_s = time.process_time()
+    noise = [bytes(rng.choices(b"xx\x80\xffU", k=5000)) + b"\n" for _ in range(20)]
+    assert [lines.feed(data) for data in [*noise, 50_000 * b"x" + b"\n", 5000 * b"a=x" + b"\n"]] == [[]] * 22
+    assert time.process_time() - began_s < 2.0
 
 
 def test_rows_that_have_lost_bytes_are_left_out():

@@ -64,6 +64,8 @@ _VALUE_WITH_UNIT = re.compile(r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d
 #: Smallest share of the lines that are those of blocks, and of the labels that follow each other as in the first block.
 _BLOCK_LINES_SHARE, _SAME_ORDER = 0.7, 0.7
 _LONGEST_LABELLED = 200
+#: Longest line of a board that is searched for pairs: one of noise takes the square of its length.
+_LONGEST_PAIRS = 500
 CHECKSUM = "Checksum"
 #: Units of VE.Direct of Victron, whose blocks end in a checksum.
 VICTRON = {"V": "mV", "VS": "mV", "VM": "mV", "VPV": "mV", "I": "mA", "IL": "mA", "P": "W", "PPV": "W", "CE": "mAh",
@@ -303,6 +305,8 @@ def numbers_of_line(line: str) -> dict[str, Any]:
     with suppress(ValueError, RecursionError):
         found = json.loads(line)
         return found if isinstance(found, dict) else {}
+    if len(line) > _LONGEST_PAIRS or not re.search(r"[=:\t]", line):
+        return {}
     if rows := rows_of_lines(line):
         return rows[0]
     label, cell, _ = _labelled(line)
