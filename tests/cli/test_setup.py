@@ -23,6 +23,7 @@ from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import RobotState, plain_state
 from ohmward.onboard.serial_frame import SerialFrame, encode
 from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sources.serial import SerialSource
 from onboard.servers import mosquitto
 
 BATTERY = ("--chemistry", "lfp", "--capacity-ah", "40", "--n-series", "8")
@@ -365,6 +366,7 @@ def test_numbers_that_a_board_prints_are_recognised(set_up, line, signals):
     with sending(lambda k: os.write(ours, printed[k % 5])):
         set_up(os.ttyname(theirs), *BATTERY, "--current-sign", "charge", "--seconds", "2", status=0)
     (source,) = SETUP_FILE.load("robot.toml").source
+    assert isinstance(source, SerialSource)
     wired = {
         s: (given, 1.0) if isinstance(given, str) else (given.name, given.scale) for s, given in source.signals.items()
     }
