@@ -108,7 +108,13 @@ class TurnDifferences(NamedTuple):
     rejected_s: Any = 0.0  #: time for which these have been outside their gate
     rejected_rad: Any = 0.0  #: sum of the innovations in that time
     last_rad: Any = 0.0  #: last innovation of wheels that turned
-    wheels_variance: Any = 0.0  #: of the wheels' turn over time, by noise of their speeds [rad2/s]
+    #: of the wheels' turn over time, by noise of their speeds [rad2/s]; the mean of what was seen may be below 0
+    wheels_variance: Any = 0.0
+
+    @property
+    def shown_variance(self) -> Scalar:
+        """The variance of the wheels' turn over time [rad2/s]."""
+        return maximum(self.wheels_variance, 0.0)
 
 
 class TurnSums(NamedTuple):
@@ -290,10 +296,9 @@ def compared(
     (nu_1 - nu_0)^2 / 2 is the variance of white noise alone, since a difference that lasts is in both: what it exceeds
     the variance of all else by is that of noisy speeds. Errors of counts do not add up, but those of speeds do.
     """
-    others = maximum(S - before.wheels_variance * time_s, 0.0)
+    others = S - before.shown_variance * time_s
     scatter = minimum((nu - before.last_rad) ** 2 / 2.0, MOST_SQUARE * S)
-    seen = maximum(scatter - others, 0.0) / time_s
-    learnt = before.wheels_variance + (seen - before.wheels_variance) / COMPARISONS
+    learnt = before.wheels_variance + ((scatter - others) / time_s - before.wheels_variance) / COMPARISONS
     return TurnDifferences(
         rejected_s=time_rejected(before.rejected_s, time_s, rejected),
         rejected_rad=where(rejected, before.rejected_rad + nu, 0.0),

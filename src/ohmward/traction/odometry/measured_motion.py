@@ -580,7 +580,7 @@ def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_wa
     offset_rad_s, variance = belief.mean[OFFSET], belief.cov[OFFSET, OFFSET]
     learnt_before = maximum(known.offset_variance - variance, 0.0)
     change = offset_rad_s - known.offset_rad_s
-    seen = maximum(change * change - learnt_before, 0.0) / maximum(time_s, SPAN_S)
+    seen = (change * change - learnt_before) / maximum(time_s, SPAN_S)
     share = now / maximum(now + learnt_before / maximum(time_s, SPAN_S), TINY)
     spans = minimum(known.spans + share * share, MOST_SPANS)
     least, most = ((of_sheet * offset_walk) ** 2 for of_sheet in OFFSET_WALKS)
