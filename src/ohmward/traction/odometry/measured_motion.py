@@ -548,7 +548,7 @@ def walk_variance(known: GyroNoise, gyro_walk: float) -> Scalar:
 
 #: Length [s] of the spans over which the walk of the gyro's offset is learnt, number of them that the data sheet counts
 #: for, and number that is remembered.
-SPAN_S, SHEET_SPANS, MOST_SPANS = 5.0, 4.0, 20.0
+SPAN_S, SHEET_SPANS, REMEMBERED_SPANS = 5.0, 4.0, 20.0
 
 #: Limits of the walk over that of the data sheet.
 OFFSET_WALKS = (0.2, 10.0)
@@ -582,7 +582,7 @@ def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_wa
     change = offset_rad_s - known.offset_rad_s
     seen = (change * change - learnt_before) / maximum(time_s, SPAN_S)
     share = now / maximum(now + learnt_before / maximum(time_s, SPAN_S), TINY)
-    spans = minimum(known.spans + share * share, MOST_SPANS)
+    spans = minimum(known.spans + share * share, REMEMBERED_SPANS)
     least, most = ((of_sheet * offset_walk) ** 2 for of_sheet in OFFSET_WALKS)
     learnt = clip(now + share * share / spans * (seen - now), least, most)
     return OffsetWalk(
