@@ -21,14 +21,18 @@ MODEL = generic_battery("lfp", 20.0, 8).thevenin
 OHM = 0.3 * MODEL.largest_ohm
 
 
-def found(*, step_V=0.0, expected_V=0.0, load_A=0.0, silent_s=0.0, flags=0, lasts=50, wrong=0.9):
-    """Whether another battery is found after a step of 10 min; the filter's resistance is `wrong` of the true one."""
+def found(*, step_V=0.0, expected_V=0.0, load_A=0.0, silent_s=0.0, flags=0, lasts=50, wrong=0.9, unused=0):
+    """Whether another battery is found after a step of 10 min; the filter's resistance is `wrong` of the true one.
+
+    unused: number of the samples after the step whose voltage the filter takes for a fault.
+    """
     rng, watch = np.random.default_rng(3), ExchangeWatch()
     for k in range(600 + lasts):
         now = k >= 600
         current_A = -2.0 - 6.0 * ((k + 13) // 25 % 2) + load_A * now
         measured_V = 26.4 + OHM * current_A + 0.01 * rng.standard_normal() + step_V * now
         innovation_V = measured_V - 26.4 - wrong * OHM * current_A - expected_V * now
+        innovation_V = math.nan if 600 <= k < 600 + unused else innovation_V
         estimate = SocEstimate(0.5, 0.1, innovation_V=innovation_V, flags=SocFlag(flags * (k == 600)))
         watch, exchanged = watch.after(1.0 + silent_s * (k == 600), current_A, 25.0, measured_V, estimate, MODEL)
         if exchanged:
@@ -36,9 +40,9 @@ def found(*, step_V=0.0, expected_V=0.0, load_A=0.0, silent_s=0.0, flags=0, last
     return False
 
 
-@pytest.mark.parametrize(("step_V", "silent_s"), [(0.2, 5.0), (-0.2, 5.0)])
-def test_a_step_that_no_load_explains_is_another_battery(step_V, silent_s):
-    assert found(step_V=step_V, silent_s=silent_s)
+@pytest.mark.parametrize(("step_V", "unused"), [(0.2, 0), (-0.2, 0), (1.5, 30)])
+def test_a_step_that_no_load_explains_is_another_battery(step_V, unused):
+    assert found(step_V=step_V, silent_s=5.0, unused=unused)
 
 
 @pytest.mark.parametrize("silent_s", [0.0, 5.0, 30.0])
@@ -58,8 +62,9 @@ def test_what_the_same_battery_shows_is_none(same, silent_s):
     assert not found(silent_s=silent_s, **same)
 
 
-def test_a_step_without_a_silence_is_none():
-    assert not found(step_V=0.5)
+@pytest.mark.parametrize("unused", [0, 30])
+def test_a_step_without_a_silence_is_none(unused):
+    assert not found(step_V=0.5, unused=unused)
 
 
 NMC = generic_battery("nmc", 10.0, 7)

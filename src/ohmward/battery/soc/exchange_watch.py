@@ -94,7 +94,7 @@ class ExchangeWatch(NamedTuple):
     variance_V2: float = 0.0  #: mean square change at a steady current
     ohm2: float = 0.0  #: mean square error of the resistance [ohm^2]
     samples: int = 0
-    waited_s: float = 0.0  #: time since the last sample of both
+    waited_s: float = 0.0  #: of a silence, or since its start where the filter has used no voltage after it
     step: VoltageStep | None = None
 
     def after(
@@ -114,8 +114,10 @@ class ExchangeWatch(NamedTuple):
             return ExchangeWatch(), False
         now = TerminalMean(float(estimate.innovation_V), voltage_V, current_A)
         dt_s += self.waited_s
+        is_silent = dt_s > max(EXCHANGE_INTERVALS * self.interval_s, EXCHANGE_S)
         if not all(map(math.isfinite, now)):
-            return self._replace(waited_s=dt_s), False
+            is_measured = math.isfinite(voltage_V) and math.isfinite(current_A)  # and not used by the filter
+            return self._replace(waited_s=dt_s if is_silent or not is_measured else 0.0), False
         full_V = m.ocv.voltage_V[-1]
         known = math.isfinite(temperature_degC)
         ohm = m.largest_ohm * (m.arrhenius_factor(temperature_degC) if known else 1.0)
@@ -129,7 +131,6 @@ class ExchangeWatch(NamedTuple):
         error2 = self.ohm2 + (LEAST_OHM_SHARE * ohm) ** 2
         noise2 = self.variance_V2 + (FLOOR_SHARE * full_V) ** 2
         step = self.step
-        is_silent = dt_s > max(EXCHANGE_INTERVALS * self.interval_s, EXCHANGE_S)
         if step is None and self.samples > LEARNS and is_silent:
             before_V = abs(self.last.innovation_V - self.before.innovation_V)
             step = VoltageStep(now, 0, now.innovation_V, before_V, abs(self.last.current_A))
