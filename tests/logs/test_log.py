@@ -63,6 +63,10 @@ def test_a_log_travels_between_processes():
     assert copy.notes == (Note("n"),)
 
 
+def test_its_representation_is_one_line():
+    assert repr(Log("day", np.arange(7200.0), np.zeros(7200), np.full(7200, 13.0))) == "Log('day', 7200 samples in 2 h)"
+
+
 def test_describe_names_ranges_missing_values_and_notes():
     text = log(voltage_V=[12.0, np.nan, 11.0]).with_notes(Note("a gap", "warning")).describe()
     assert "test: 3 samples, 3 s, median interval 1.5 s" in text

@@ -43,7 +43,7 @@ Mended = tuple[np.ndarray, list[Note]]
 DriveSource: TypeAlias = "DriveLog | str | PathLike[str] | Any"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DriveLog(TimeSeries):
     """A recording of a drive. Arrays are read-only float64; NaN where nothing new was measured.
 

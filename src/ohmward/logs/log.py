@@ -48,7 +48,7 @@ _COLUMNS = tuple(
 LogSource: TypeAlias = "Log | str | PathLike[str] | Any"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Log(TimeSeries):
     """A recording: current, voltage and temperature over time. Arrays are read-only float64.
 

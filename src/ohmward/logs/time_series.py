@@ -16,7 +16,7 @@ from ohmward.logs.dates import window_s
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
-from ohmward.quantities import QUANTITIES
+from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
 from ohmward.rich_display import RichDisplay
 
 
@@ -31,6 +31,10 @@ class TimeSeries(RichDisplay):
 
     def __len__(self) -> int:
         return self.time_s.size
+
+    def __repr__(self) -> str:
+        hours = self.duration_s / SECONDS_PER_HOUR
+        return f"{type(self).__name__}({self.name!r}, {len(self)} samples in {hours:.3g} h)"
 
     @property
     def duration_s(self) -> float:
