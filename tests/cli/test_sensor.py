@@ -98,6 +98,4 @@ def test_refusals(words, messages, here, refused):
 
 @pytest.mark.parametrize("option", ["--sensor-offset", "--sensor-gain", "--voltage-gain"])
 def test_a_robot_has_no_sensors_of_a_battery(option, here, refused):
-    assert "leave out --sensor-offset, --sensor-gain and --voltage-gain" in refused(
-        "export", "rlma", "--filter", "ekf", option, "0.01", "-o", "c"
-    )
+    assert f"leave out {option}" in refused("export", "rlma", "--filter", "ekf", option, "0.01", "-o", "c")

@@ -167,6 +167,6 @@ def test_the_command_writes_it(tmp_path, capsys):
     assert model.START == (0.9, 0.02)
     soc = model.Model(rows())[0]
     assert np.isfinite(soc).all() and soc[-1] < soc[100]
-    for wrong, sentence in ((["--style", "loops"], "are for C"), (["--name", "a-b"], "import")):
+    for wrong, sentence in ((["--style", "loops"], "writes no C"), (["--name", "a-b"], "import")):
         assert main([*command, *wrong]) == 2
         assert sentence in capsys.readouterr().err

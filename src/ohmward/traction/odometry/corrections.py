@@ -112,7 +112,7 @@ class TurnDifferences(NamedTuple):
     wheels_variance: Any = 0.0
 
     @property
-    def shown_variance(self) -> Scalar:
+    def noise_variance(self) -> Scalar:
         """The variance of the wheels' turn over time [rad2/s]."""
         return maximum(self.wheels_variance, 0.0)
 
@@ -296,7 +296,7 @@ def compared(
     (nu_1 - nu_0)^2 / 2 is the variance of white noise alone, since a difference that lasts is in both: what it exceeds
     the variance of all else by is that of noisy speeds. Errors of counts do not add up, but those of speeds do.
     """
-    others = S - before.shown_variance * time_s
+    others = S - before.noise_variance * time_s
     scatter = minimum((nu - before.last_rad) ** 2 / 2.0, MOST_SQUARE * S)
     learnt = before.wheels_variance + ((scatter - others) / time_s - before.wheels_variance) / COMPARISONS
     return TurnDifferences(

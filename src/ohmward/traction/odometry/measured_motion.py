@@ -565,9 +565,8 @@ class OffsetWalk(NamedTuple):
     variance: Any  #: q [rad2/s3]
     spans: Any = SHEET_SPANS  #: number of spans behind it
     time_s: Any = 0.0  #: since the start of this one
-    #: then
-    offset_rad_s: Any = 0.0
-    offset_variance: Any = 0.0
+    offset_rad_s: Any = 0.0  #: estimate of the offset then
+    offset_variance: Any = 0.0  #: its variance then
 
 
 def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_walk: float) -> OffsetWalk:

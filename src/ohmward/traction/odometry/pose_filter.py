@@ -231,7 +231,7 @@ class PoseFilter:
         u = motion.input._replace(
             comparable=comparable,
             offset_walk=state.offset_walk.variance,
-            wheels_variance=state.sums.differences.shown_variance,
+            wheels_variance=state.sums.differences.noise_variance,
         )
         motion = motion._replace(input=u)
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
