@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
+from ohmward.battery.models.ocv import slip_shape
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
@@ -77,6 +78,11 @@ class Knowledge:
 _LEAST_KNOWN_EIGENVALUE = 1e-6
 #: Smallest variance of a parameter, in its unit.
 _LEAST_VARIANCE = math.ulp(1.0)
+
+
+#: Loss of capacity until the file learns again, and error of the slip that stands for a curve pinned at full.
+_LOST_SINCE, _PINNED_STD = 0.02, 0.2
+_SOC = np.linspace(0.0, 1.0, 101)
 
 
 @dataclass(frozen=True)
@@ -179,6 +185,27 @@ class Battery(RichDisplay):
     def curve_seen_from_soc(self) -> float:
         """State of charge down to which the logs have shown its curve, 1 without logs."""
         return self.knowledge.seen_from_soc if self.knowledge else 1.0
+
+    @property
+    def pinned(self) -> Battery:
+        """The battery whose curve slips as far as logs, rather than age, leave its capacity open.
+
+        Logs show the curve over the charge below full. So an error of the capacity moves it along SoC by 1 - s for each
+        unit of the loss, down to the lowest SoC seen, and below that less and less to empty; `slip_shape` times a
+        factor is like that. A later loss moves it by the slip of the electrodes. Both are weighted by their variances.
+        """
+        if self.knowledge is None:
+            return self
+        low = min(max(self.knowledge.seen_from_soc, float(_SOC[1])), 1.0)
+        shape, at_full = slip_shape(_SOC, 1.0), np.minimum(1.0 - _SOC, (1.0 - low) / low * _SOC)
+        factor = float(shape @ at_full / (shape @ shape))
+        own, own_std = self.thevenin.ocv_slip, self.noise.ocv_slip_std
+        open_share = self.noise.capacity_std**2 / (self.noise.capacity_std**2 + _LOST_SINCE**2)
+        aged_share = 1.0 - open_share
+        variance = open_share * _PINNED_STD**2 + aged_share * own_std**2 + open_share * aged_share * (factor - own) ** 2
+        slip = open_share * factor + aged_share * own
+        noise = replace(self.noise, ocv_slip_std=math.sqrt(variance))
+        return replace(self, thevenin=replace(self.thevenin, ocv_slip=slip), noise=noise)
 
 
 def require_battery(battery: object, others: str = "") -> Battery:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.learning.fold import folded_curve
+from ohmward.battery.learning.fold import folded_curve, with_curve_of_file
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import OpenCircuit
 
@@ -38,3 +38,14 @@ def test_where_the_curve_would_fall_its_uncertain_end_gives_way():
     covariance[shown, shown] = 1e-4
     after, soc = folded_curve(OpenCircuit(battery, theta, p), covariance), np.linspace(0.1, 1.0, 91)
     assert after.mean_V(soc, 25.0) == pytest.approx(before.mean_V(soc, 25.0), abs=0.05)
+
+
+def test_a_part_that_does_not_show_its_soc_leaves_the_curve_as_it_was():
+    battery = generic_battery("lfp", 10.0)
+    p, before = parameters_of(battery), prior_covariance(battery)
+    theta, covariance = with_curve_of_file(p, np.ones(p.size), 0.25 * before, before)
+    curve, others = p.places("slip", "ocv", "entropy"), p.places("capacity", "ohmic", "pair", "tau", "offset")
+    assert not theta[curve].any()
+    assert covariance[np.ix_(curve, curve)] == pytest.approx(before[np.ix_(curve, curve)], rel=1e-12)
+    assert theta[others] == pytest.approx(1.0)
+    assert covariance[np.ix_(others, others)] == pytest.approx(0.25 * before[np.ix_(others, others)], rel=1e-12)

@@ -54,9 +54,6 @@ MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 _GASSING_MODEL_STD_V = 0.01
 #: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC.
 _CAPACITY_STD, _RESISTANCE_STD, _OVERPOTENTIAL_STD = 0.01, 0.05, 0.1
-#: Share of the axis error of the chemistry's curves that is left where only the curve has shown the charge: a log
-#: cannot see a shift of the axis then.
-_UNANCHORED_SHARE = 0.5
 #: Grid of the error along SoC.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
 #: Distance in SoC at which the correlation of the curve's error is taken, for its length.
@@ -131,6 +128,17 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
     found[q, :], found[:, q] = 0.0, 0.0
     found[q, q] = covariance[q, q]
     return found
+
+
+def with_curve_of_file(
+    p: Unknowns, theta: np.ndarray, covariance: np.ndarray, before: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The corrections (K,) and their covariance (K, K) where those of the curve stay as before (K, K) a log."""
+    curve, others = p.places("slip", "ocv", "entropy"), np.ones(p.size, dtype=bool)
+    others[curve] = False
+    stays = np.where(np.outer(others, others), covariance, 0.0)
+    stays[np.ix_(curve, curve)] = before[np.ix_(curve, curve)]
+    return np.where(others, theta, 0.0), stays
 
 
 def ageing_direction(battery: Battery, p: Unknowns) -> np.ndarray:
@@ -218,13 +226,6 @@ def known_since(battery: Battery, unix_s: float | None) -> Battery:
     noise = battery.noise
     dated = replace(noise, capacity_known_unix_s=unix_s, capacity_known_std=noise.capacity_std)
     return replace(battery, noise=dated)
-
-
-def never_anchored(battery: Battery, before: Battery) -> Battery:
-    """The battery with at least the axis error that curves alone leave, as no log has shown it full or empty."""
-    least = _UNANCHORED_SHARE * chemistry_prior(battery.chemistry).curve.soc_std
-    axis_std = max(battery.noise.soc_axis_std, min(before.noise.soc_axis_std, least))
-    return replace(battery, noise=replace(battery.noise, soc_axis_std=axis_std))
 
 
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:

@@ -25,9 +25,9 @@ from ohmward.battery.learning.fold import (
     known,
     known_since,
     model_floor_V,
-    never_anchored,
     not_identified_sentences,
     slip_direction,
+    with_curve_of_file,
 )
 from ohmward.battery.learning.log_update import (
     LogEstimates,
@@ -82,6 +82,9 @@ _AGE_ROUNDS = 3
 _FEW_STEPS = 3
 #: Spacing of the rows that are used to compare them.
 _COARSE = 10
+#: A part shows the curve along SoC where an event gives its SoC, or a steep end does as surely as a charger. From 24 to
+#: 82 % of charge, flat curves that fitted well were 4 to 16 points off.
+_LOCATED_STD = 0.01
 
 
 class Learnt(NamedTuple):
@@ -191,8 +194,6 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     logs = (*before.learnt_logs, log)
     last_unix_s = max((seen.end_unix_s for seen in logs if seen.end_unix_s is not None), default=None)
     learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), last_unix_s)
-    if not any(seen.anchors for seen in logs):
-        learnt = never_anchored(learnt, before)
     return replace(learnt, not_identified=not_identified_sentences(learnt))
 
 
@@ -278,8 +279,12 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
         found = solve(model, prior, anchors, found.x)
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
+    theta, covariance = found.x[:K], found.covariance[:K, :K]
     lowest_soc = float(found.charge.soc.min())
-    after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, battery.learnt_logs)
+    if not anchors and found.surest_soc_std > _LOCATED_STD:
+        theta, covariance = with_curve_of_file(model.parameters, theta, covariance, prior.cov[:K, :K])
+        lowest_soc = 1.0
+    after = fold(battery, theta, covariance, lowest_soc, battery.learnt_logs)
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 

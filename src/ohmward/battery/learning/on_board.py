@@ -47,7 +47,8 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
         InputError: there was no sample yet, the filter carries no such corrections, or it is of another battery.
     """
     system, belief = _belief(estimator)
-    if (system.model, system.noise, system.sensor) != (battery.thevenin, battery.noise, battery.sensor):
+    pinned = battery.pinned
+    if (system.model, system.noise, system.sensor) != (pinned.thevenin, pinned.noise, battery.sensor):
         raise InputError(
             f"battery {battery.name!r} is not the one that this estimator was made with; give that one, its knowledge "
             "is where the estimator began"

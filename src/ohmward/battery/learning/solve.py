@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,14 @@ class Solution(NamedTuple):
     weight: np.ndarray  #: (N,) of each row
     misfit: float  #: factor by which the residuals exceed their variance, 1 where they do not
     charge: ChargeAlong  #: charge and state of charge at every sample
-    capacity_known: bool = True  #: False where the distribution of the capacity has another mode
+    capacity_known: bool = True  #: False where the part does not show the capacity
+
+    @property
+    def surest_soc_std(self) -> float:
+        """Standard deviation of the SoC of the part at its highest or its lowest, whichever is smaller."""
+        soc = self.charge.soc
+        columns = self.charge.soc_columns(np.array([np.argmax(soc), np.argmin(soc)]))
+        return float(np.sqrt(np.einsum("nk,kl,nl->n", columns, self.covariance, columns).min()))
 
 
 class PartRows(NamedTuple):
@@ -169,6 +177,9 @@ _FIRST_STEP_STDS, _STEP_FACTOR, _MOST_GRID_STEPS, _END_RISE = 0.8, 1.5, 7, 12.0
 _DEEPER = 0.01
 #: An anchor below this SoC is a cut-off, not a full charge.
 _HALF = 0.5
+#: A part shows the capacity where it can give it with less than this share of the variance known before. Else it stays:
+#: the errors of a label's flat curve are all that would move it, and they are the same in every log.
+_INFORMED_SHARE = 1.0 / 3.0
 #: Where -2 ln of the density falls this much below that of the mode, there is another mode, too far away for a model
 #: that is linear about this one: such a log does not give the capacity. Between two modes it rises by this much; a fall
 #: without a rise is the same mode, whose top the search has not quite reached.
@@ -246,19 +257,33 @@ def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAncho
     """The solution with the distribution of the capacity that its part supports.
 
     A part that reaches below all earlier logs shows it by the knee at empty, a cut-off by the place of empty. Any other
-    part says nothing about it: along the charge below full the curve is the same whatever the capacity is.
+    part says nothing about it: along the charge below full the curve is the same whatever the capacity is. Nor does one
+    whose curve and anchors could be that far off (`capacity_error2`).
     """
     q, knowledge = model.parameters.group("capacity").start, model.battery.knowledge
+    of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.cov[q, q])))
     lowest_soc = float(found.charge.soc.min())
     if knowledge is None or lowest_soc < knowledge.seen_from_soc - _DEEPER:
-        marginal = capacity_marginal(model, prior, anchors, found)
+        error2 = capacity_error2(model.battery.noise.soc_axis_std, anchors, float(np.ptp(found.charge.soc)))
+        informed = error2 < _INFORMED_SHARE * of_prior.std**2
+        marginal = capacity_marginal(model, prior, anchors, found) if informed else None
         if marginal is None:
-            of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.cov[q, q])))
             return with_marginal(model, prior, anchors, found, of_prior)._replace(capacity_known=False)
         return with_marginal(model, prior, anchors, found, marginal)
     if any(anchor.soc < _HALF for anchor in anchors):
         return found
-    return _with_variance(found, q, max(float(prior.cov[q, q]), float(found.covariance[q, q])))
+    return with_marginal(model, prior, anchors, found, of_prior)
+
+
+def capacity_error2(axis_std: float, anchors: Sequence[SocAnchor], depth: float) -> float:
+    """Smallest variance of a capacity counted between two anchors, or between two places of the curve `depth` apart.
+
+    However many voltages there are, the curve errs by that of its SoC axis at either place.
+    """
+    of_curve = 2.0 * axis_std**2 / max(depth, _DEEPER) ** 2
+    pairs = combinations(anchors, 2)
+    between = [(a.std**2 + b.std**2) / max(abs(a.soc - b.soc), _DEEPER) ** 2 for a, b in pairs]
+    return min([of_curve, *between])
 
 
 def with_marginal(

@@ -110,9 +110,10 @@ def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, E
     """Function that makes the Thevenin filter with this method."""
 
     def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
+        pinned = battery.pinned
         return TheveninFilter(
-            battery.thevenin,
-            battery.noise,
+            pinned.thevenin,
+            pinned.noise,
             battery.sensor,
             method=method,
             matching=matching,
