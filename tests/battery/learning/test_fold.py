@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.learning.fold import folded_curve, with_curve_of_file
+from ohmward.battery.learning.fold import folded_curve, with_curve_of_file, without_capacity
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import OpenCircuit
 
@@ -49,3 +49,17 @@ def test_a_part_that_does_not_show_its_soc_leaves_the_curve_as_it_was():
     assert covariance[np.ix_(curve, curve)] == pytest.approx(before[np.ix_(curve, curve)], rel=1e-12)
     assert theta[others] == pytest.approx(1.0)
     assert covariance[np.ix_(others, others)] == pytest.approx(0.25 * before[np.ix_(others, others)], rel=1e-12)
+
+
+@pytest.mark.parametrize("count_error2", [1e-4, 4e-3, 1.0])
+def test_capacity_and_offset_stay_correlated_as_far_as_the_charge_was_counted(count_error2):
+    battery = generic_battery("lfp", 10.0)
+    p, before = parameters_of(battery), prior_covariance(battery)
+    q, offset, knot = p.group("capacity").start, p.group("offset").start, p.group("ocv").start
+    moves = np.eye(p.size)
+    moves[offset, q], moves[knot, offset] = 1e3 * np.sqrt(before[offset, offset] / before[q, q]), 1e-3
+    found = without_capacity(moves @ before @ moves.T, battery, count_error2)
+    gain = found[offset, q] / found[offset, offset]
+    assert before[q, q] - gain * found[offset, q] == pytest.approx(min(count_error2, before[q, q]), rel=0.01)
+    assert found[knot, q] == pytest.approx(gain * found[offset, knot], rel=1e-12)
+    assert np.linalg.eigvalsh(found).min() > -1e-12

@@ -11,13 +11,12 @@ The last term is the fall of the open-circuit voltage by the charge drawn, which
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, Knowledge, SeenLog
+from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.learning.parameters import mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
@@ -69,11 +68,11 @@ def model_floor_V(battery: Battery) -> float:
 
 
 def fold(
-    battery: Battery, theta: np.ndarray, covariance: np.ndarray, lowest_soc: float, logs: Sequence[SeenLog]
+    battery: Battery, theta: np.ndarray, covariance: np.ndarray, lowest_soc: float, count_error2: float
 ) -> Battery:
     """The battery with the corrections theta (K,) applied, and with the covariance (K, K) of their remaining errors.
 
-    lowest_soc: lowest SoC of the log, by the new capacity; logs: all that it has learnt from.
+    lowest_soc: lowest SoC of the log, by the new capacity; count_error2: see `without_capacity`.
     """
     p = parameters_of(battery)
     curve, offset, sensor = OpenCircuit(battery, theta, p), p.group("offset"), battery.sensor
@@ -87,11 +86,11 @@ def fold(
         capacity_Ah=model.capacity_Ah,
         thevenin=model,
         sensor=sensor,
-        knowledge=Knowledge.of(p.names, covariance, logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
+        knowledge=Knowledge.of(p.names, covariance, battery.learnt_logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
     )
-    covariance = without_capacity(covariance_of_folded(curve, folded, covariance), folded)
+    covariance = without_capacity(covariance_of_folded(curve, folded, covariance), folded, count_error2)
     noise = folded_noise(folded, p, covariance)
-    knowledge = Knowledge.of(p.names, covariance, logs, folded.curve_seen_from_soc)
+    knowledge = Knowledge.of(p.names, covariance, battery.learnt_logs, folded.curve_seen_from_soc)
     return replace(folded, noise=noise, knowledge=knowledge)
 
 
@@ -117,15 +116,21 @@ def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.nda
     return moved
 
 
-def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
-    """The covariance (K, K) without the correlation of the capacity with all other parameters.
+def without_capacity(covariance: np.ndarray, battery: Battery, count_error2: float) -> np.ndarray:
+    """The covariance (K, K) without correlations of the capacity, but for those by the offset of the current sensor.
 
     Where logs have shown the curve, the voltage at a charge below full is the same whatever the capacity is; the rest
     of the curve stretches with the capacity by itself (`CurvePlace`). A correlation that is left comes from between the
-    knots, and each log would infer the capacity from it again.
+    knots, and each log would infer the capacity from it again. But charge counted between two places gives capacity and
+    offset together: a log that finds the offset gives the capacity within count_error2, the variance of those places.
     """
-    found, q = covariance.copy(), parameters_of(battery).group("capacity")
-    found[q, :], found[:, q] = 0.0, 0.0
+    found, p = covariance.copy(), parameters_of(battery)
+    q, offset = p.group("capacity"), p.group("offset")
+    gain = np.linalg.solve(covariance[offset, offset], covariance[offset, q])
+    variance, by_offset = float(covariance[q, q].sum()), float((gain * covariance[offset, q]).sum())
+    share = min(max(variance - count_error2, 0.0), by_offset) / by_offset if by_offset else 0.0
+    found[q, :] = np.sqrt(share) * gain.T @ covariance[offset, :]
+    found[:, q] = found[q, :].T
     found[q, q] = covariance[q, q]
     return found
 

@@ -50,7 +50,7 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import Solution, solve, with_capacity
+from ohmward.battery.learning.solve import LOCATED_STD, Solution, solve, with_capacity
 from ohmward.battery.learning.start import (
     full_at_start,
     given_at_start,
@@ -82,9 +82,6 @@ _AGE_ROUNDS = 3
 _FEW_STEPS = 3
 #: Spacing of the rows that are used to compare them.
 _COARSE = 10
-#: A part shows the curve along SoC where an event gives its SoC, or a steep end does as surely as a charger. From 24 to
-#: 82 % of charge, flat curves that fitted well were 4 to 16 points off.
-_LOCATED_STD = 0.01
 
 
 class Learnt(NamedTuple):
@@ -281,10 +278,10 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     K = model.parameters.size
     theta, covariance = found.x[:K], found.covariance[:K, :K]
     lowest_soc = float(found.charge.soc.min())
-    if not anchors and found.surest_soc_std > _LOCATED_STD:
+    if not anchors and found.ends_std.min() > LOCATED_STD:
         theta, covariance = with_curve_of_file(model.parameters, theta, covariance, prior.cov[:K, :K])
         lowest_soc = 1.0
-    after = fold(battery, theta, covariance, lowest_soc, battery.learnt_logs)
+    after = fold(battery, theta, covariance, lowest_soc, found.count_error2)
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 

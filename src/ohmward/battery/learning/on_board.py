@@ -15,6 +15,7 @@ It learns levels, not curves: what depends on SoC is learnt from logs.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,9 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
     theta, covariance = _posterior(prior_covariance(before), H, *_information(system, belief, names))
     on_board = SeenLog("on board", hours=hours, summary="capacity, resistances and offset, as the filter found them")
     end_unix_s = None if estimator.unix_s is None else estimator.unix_s + SECONDS_PER_HOUR * hours
-    return known_since(fold(before, theta, covariance, 1.0, (*battery.learnt_logs, on_board)), end_unix_s)
+    found = known_since(fold(before, theta, covariance, 1.0, math.inf), end_unix_s)
+    assert found.knowledge is not None
+    return replace(found, knowledge=replace(found.knowledge, logs=(*battery.learnt_logs, on_board)))
 
 
 def seen_by_filter(p: Unknowns, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:
