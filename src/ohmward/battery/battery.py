@@ -81,7 +81,7 @@ _LEAST_VARIANCE = math.ulp(1.0)
 
 
 #: Loss of capacity until the file learns again, and error of the slip that stands for a curve pinned at full.
-_LOST_SINCE, _PINNED_STD = 0.02, 0.2
+_LOST_SINCE, _PINNED_STD = 0.05, 0.2
 _SOC = np.linspace(0.0, 1.0, 101)
 
 
