@@ -83,7 +83,7 @@ def test_an_offset_that_changes_acts_the_same_whether_the_file_doubts_it_or_not(
 
 def test_a_file_without_corrections_stays_as_it_is():
     p = parameters_of(TESTED)
-    folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
+    folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, np.inf)
     soc = np.linspace(0.0, 1.0, 101)
     assert folded.capacity_Ah == TESTED.capacity_Ah
     assert folded.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
@@ -95,8 +95,8 @@ def test_a_learnt_curve_is_the_same_over_the_charge_below_full():
     p = parameters_of(TESTED)
     theta = np.zeros(p.size)
     theta[p.group("capacity")] = np.log(0.9)
-    once = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 0.0, ())
-    smaller = fold(once, theta, prior_covariance(TESTED), 0.0, ())
+    once = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 0.0, np.inf)
+    smaller = fold(once, theta, prior_covariance(TESTED), 0.0, np.inf)
     charge = np.linspace(0.2, 1.0, 50)
     soc = true_soc(charge, np.log(0.9))
     assert smaller.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(once.thevenin.ocv.mean_V(charge, 25.0), abs=2e-3)

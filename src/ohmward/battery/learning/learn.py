@@ -274,11 +274,12 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     for _ in range(_AGE_ROUNDS if battery.knowledge is None else 0):
         prior = prior_of_age(model, of_file, found.x)
         found = solve(model, prior, anchors, found.x)
+    located = anchors or found.ends_std.min() < LOCATED_STD
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
     theta, covariance = found.x[:K], found.covariance[:K, :K]
     lowest_soc = float(found.charge.soc.min())
-    if not anchors and found.ends_std.min() > LOCATED_STD:
+    if not located:
         theta, covariance = with_curve_of_file(model.parameters, theta, covariance, prior.cov[:K, :K])
         lowest_soc = 1.0
     after = fold(battery, theta, covariance, lowest_soc, found.count_error2)
