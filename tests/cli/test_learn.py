@@ -85,7 +85,7 @@ def test_a_log_narrows_the_file_and_the_file_before_stays(day_learnt):
     assert (folder / "mine.toml.bak").read_text() == (folder / "label.toml").read_text()
     before, after = file["before"], file["after"]
     assert after["resistance_ohm"]["std"] < 0.5 * before["resistance_ohm"]["std"]
-    assert after["ocv_std_V"] < before["ocv_std_V"]
+    assert after["ocv_std_V"] == pytest.approx(before["ocv_std_V"], rel=0.02)  # two hours do not show the curve
     assert after["logs"] == 1 and after["hours"] == pytest.approx(2.0, abs=0.01)
     truth = battery().thevenin
     assert truth is not None
