@@ -191,7 +191,7 @@ _HALF = 0.5
 LOCATED_STD = 0.01
 #: Errors of full and empty on the curve of a label where both are located: chargers differ, and a cell that rested at
 #: the voltage of empty had 1 to 3 % left after drives at -15 to 45 degC.
-_FULL_STD, _EMPTY_STD = 0.01, 0.02
+_FULL_PLACE_STD, _EMPTY_PLACE_STD = 0.01, 0.02
 #: A part shows the capacity where it can give it with less than this share of the variance known before. Else it stays:
 #: the errors of a label's flat curve are all that would move it, and they are the same in every log.
 _INFORMED_SHARE = 1.0 / 3.0
@@ -276,7 +276,7 @@ def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAncho
     capacity is. Nor does one whose curve and anchors could be that far off (`capacity_error2`).
     """
     knowledge, axis_std, soc = model.battery.knowledge, model.battery.noise.soc_axis_std, found.charge.soc
-    at_ends = (_FULL_STD, _EMPTY_STD) if found.ends_std.max() < LOCATED_STD else (axis_std, axis_std)
+    at_ends = (_FULL_PLACE_STD, _EMPTY_PLACE_STD) if found.ends_std.max() < LOCATED_STD else (axis_std, axis_std)
     error2 = capacity_error2(np.minimum(at_ends, axis_std), anchors, float(np.ptp(soc)))
     found = found._replace(count_error2=error2)
     of_offset = capacity_by_offset(model.parameters, prior, Belief(found.x, found.covariance))
