@@ -551,7 +551,7 @@ def walk_variance(known: GyroNoise, gyro_walk: float) -> Scalar:
 SPAN_S, SHEET_SPANS, REMEMBERED_SPANS = 5.0, 4.0, 20.0
 
 #: Limits of the walk over that of the data sheet.
-OFFSET_WALKS = (0.6, 30.0)
+OFFSET_WALKS = (0.3, 15.0)
 
 
 class OffsetWalk(NamedTuple):
