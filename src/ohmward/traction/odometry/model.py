@@ -62,8 +62,8 @@ class OdometryNoise:
     #: slip ratio of the driven wheels at constant speed; 0 if the radius contains it, because it was calibrated by
     #: driving
     creep: float = 0.0
-    #: random walk of the offset [rad/s per root of a second] until a drive shows it: two thirds of a degree per second in
-    #: an hour, as it warms up
+    #: random walk of the offset [rad/s per root of a second] until a drive shows it: two thirds of a degree per second
+    #: in an hour, as it warms up
     gyro_offset_walk: float = 2e-4
     slip_share: float = 0.005  #: slip of the wheels over their speed, if no observer estimates it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
