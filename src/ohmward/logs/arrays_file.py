@@ -101,12 +101,12 @@ def _vectors(arrays: Mapping[str, Any], hints: FileHints) -> Iterator[tuple[str,
     """Each array by its name, a structured one by its fields, and a matrix by the names of its columns."""
     texts = [values for values in arrays.values() if np.ndim(values) == 1 and np.asarray(values).dtype.kind in "SUO"]
     for name, values in arrays.items():
-        shape = np.shape(values)
-        beside = [_decoded(np.asarray(text)).tolist() for text in texts if len(shape) == 2 and len(text) == shape[1]]
-        names = next((one for one in (hints.names, *beside) if one and len(shape) == 2 and len(one) == shape[1]), ())
         if fields := getattr(getattr(values, "dtype", None), "names", None):
             yield from ((f"{name}.{field}" if name else field, values[field]) for field in fields)
-        elif names:
+        elif np.ndim(values) == 2:
+            width = np.shape(values)[1]
+            beside = [_decoded(np.asarray(text)).tolist() for text in texts if len(text) == width]
+            names = next((one for one in (hints.names, *beside) if one and len(one) == width), ())
             yield from ((str(column), values[:, k]) for k, column in enumerate(names))
         else:
             yield name, values

@@ -84,8 +84,8 @@ def _python_file(args: argparse.Namespace) -> Outcome:
     """Write one file of Python for a battery."""
     name, filter_name = args.name or blind.MODULE, args.filter or DEFAULT
     export, notes = _of_battery(args, filter_name, name)
-    text = python_file(export, args.sample_time, **given_start(args))
-    (path,) = write_library({f"{name}.py": text}, Path(args.output))
+    source = python_file(export, args.sample_time, **given_start(args))
+    (path,) = write_library({f"{name}.py": source}, Path(args.output))
     text = paragraphs(
         f"{path}: {export.title}",
         f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
