@@ -35,7 +35,8 @@ SECTIONS = {
     "week": """## Five everyday days
 
 A simulated robot drives through eight hours and more of each day, with two charges in between and a full one at night,
-at 18 to 24 degC; two later days, at 20 and 12 degC, judge. RMSE is to be within 1.5 times that of the full test.
+at 18 to 24 degC; two later days, at 20 and 12 degC, judge. RMSE is to be within 1.5 times that of the full test. Then
+the same from labels that say a tenth less and a tenth more.
 """,
     "aged": """## An aged cell
 

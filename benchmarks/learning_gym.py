@@ -41,7 +41,7 @@ from lives_health import pulse_ohm
 from lives_table import SETTLED_S
 from measured_cells import Recording
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import Normal
+from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.learning.fold import ocv_std_V
 from ohmward.battery.learning.learn import Learnt, learn
 from ohmward.battery.learning.log_update import LogUpdate
@@ -66,6 +66,8 @@ STARTS = {"right start": 0.0, "start unknown": None}
 _TIMES_TESTED, _CAPACITY_BAR, _AGED_CAPACITY_BAR, _AGED_RESISTANCE_BAR, _AGED_RMSE_BAR = 1.5, 4.0, 3.0, 10.0, 1.5
 #: Two files are the same where they differ by less than their sigma.
 _SAME_BAR = 1.0
+#: Labels are wrong: shares of what this one says.
+_OTHER_LABELS = (0.9, 1.1)
 
 
 @cache
@@ -127,6 +129,22 @@ def week(cell: LifeCell) -> Iterator[Figure]:
     for words, start in STARTS.items():
         bar = _TIMES_TESTED * tested_errors(cell)[words].rmse
         yield from error_figures(data, LEARNT, words, errors(battery, parts[N_LEARNT:], start), bar)
+    yield from other_labels(cell)
+
+
+def other_labels(cell: LifeCell) -> Iterator[Figure]:
+    """The later days from labels that say another capacity: one tenth less and one tenth more."""
+    parts = recorded_days(cell, WEEK)
+    for ratio in _OTHER_LABELS:
+        label = generic_battery(cell.chemistry, ratio * cell.label_Ah, cell.new.n_series)
+        *_, (battery, update) = updates(label, parts[:N_LEARNT])
+        later = errors(battery, parts[N_LEARNT:], None)
+        words = f"label times {ratio:g}, start unknown"
+        yield from first_days(week_name(cell), words, later)
+        yield at_most(week_name(cell), LEARNT, f"interval score {words}, points", later.interval, None, ".1f")
+        yield from value_figures(
+            week_name(cell), LEARNT, f"capacity, label times {ratio:g}", update.capacity_Ah, capacity_of(cell.new)
+        )
 
 
 def week_name(cell: LifeCell) -> str:
@@ -135,7 +153,7 @@ def week_name(cell: LifeCell) -> str:
 
 
 def first_days(data: str, words: str, found: Errors) -> Iterator[Figure]:
-    """Of a file that has learnt a day or more: its band on the day after."""
+    """Of a file that has learnt a day or more: its band on days after."""
     yield at_most(data, LEARNT, f"RMSE {words}, points", found.rmse, None, ".2f")
     yield at_least(data, LEARNT, f"covered {words}, %", found.covered, COVERAGE_BAR, ".0f")
 
