@@ -6,7 +6,6 @@ estimated on another recording.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -41,7 +40,6 @@ class Row(NamedTuple):
     method: str
     start: str
     score: Score
-    us_per_step: float
     bar: str
     met: bool | None
 
@@ -129,21 +127,11 @@ def ornl() -> Iterator[Row]:
     battery = identify([_read("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")], capacity_Ah=cells.ORNL_AH)
     log = _read("ornl_nissan_leaf_cell/cell-discharge-bitrode-1c.parquet")
     run = log.between(9500.0, 13655.0)
-    began = time.perf_counter()
     simulated = simulate_voltage(battery.thevenin, run, initial_soc=1.0)
-    seconds = time.perf_counter() - began
     above = simulated.soc > 0.1
     result = score(simulated.voltage_V[above], run.voltage_V[above])
     met = result.rmse <= 0.025
-    yield Row(
-        "ORNL Leaf cell 1C, voltage above 10 % SoC",
-        "simulation",
-        "full",
-        result,
-        1e6 * seconds / len(run.time_s),
-        "RMSE <= 25 mV",
-        met,
-    )
+    yield Row("ORNL Leaf cell 1C, voltage above 10 % SoC", "simulation", "full", result, "RMSE <= 25 mV", met)
 
 
 SECTIONS: tuple[Callable[[], Iterator[Row]], ...] = (a123, panasonic, inr20r, vrla, ornl)
@@ -157,13 +145,12 @@ def _estimates(
         for case in cases:
             estimator = make_estimator(method, battery, EstimatorSettings(battery.idle_current_A))
             shifted = replace(run, current_A=run.current_A + case.offset_A)
-            result = SocEstimator(estimator, case.soc).run(shifted)
+            estimates = SocEstimator(estimator, case.soc).run(shifted).estimates
             counted = run.time_s - run.time_s[0] >= case.after_s
-            estimates = result.estimates
             found = score(estimates.soc[counted], truth[counted], estimates.soc_std[counted])
             bar, met = _judge(found, case) if method == DEFAULT else ("", None)
             start = case.start + (f", after {case.after_s / 60:.0f} min" if case.after_s else "")
-            yield Row(data, method, start, found, 1e6 * result.seconds / len(run.time_s), bar, met)
+            yield Row(data, method, start, found, bar, met)
 
 
 def _judge(found: Score, case: Case) -> tuple[str, bool | None]:
@@ -194,13 +181,13 @@ def line(row: Row) -> str:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """The rows in Markdown, and what the methods are."""
-    header = ("data", "method", "start", "RMSE", "MAE", "max", "coverage of 95 %", "us/step", "to reach", "")
+    header = ("data", "method", "start", "RMSE", "MAE", "max", "coverage of 95 %", "to reach", "")
     lines = []
     for row in rows:
         s, factor = row.score, 1000 if "voltage" in row.data else 100
         errors = [f"{factor * error:.2f}" for error in (s.rmse, s.mae, s.max_error)]
         coverage = f"{100 * s.coverage_95:.0f} %" if np.isfinite(s.coverage_95) else ""
-        lines.append((*row[:3], *errors, coverage, f"{row.us_per_step:.0f}", row.bar, verdict(row.met)))
+        lines.append((*row[:3], *errors, coverage, row.bar, verdict(row.met)))
     methods = [f"- `{DEFAULT}`: `gsf`"]
     methods += [f"- `{name}`: {choice.title}" for name, choice in (ESTIMATORS | published()).items()]
     return [*markdown_table(header, lines), "", "Methods:", "", *methods]

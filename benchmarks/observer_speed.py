@@ -1,4 +1,4 @@
-"""Time of a step of the speed observer, beside a loop of plain Python measured in the same run."""
+"""Time of a step of the speed observer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
-STEPS, REPEATS, ROUNDS = 5_000, 7, 200_000
+STEPS, REPEATS = 5_000, 7
 FLOOR = scene(RLMA, Terrain("rubber", WardIagnemma(0.7, 20.0), RollingResistance(), "[T] 4.3"))
 OBSERVERS = {
     "four-state AUKF of [T], faults handled": SpeedObserver(FLOOR, KNOWN_GROUND, matching=True),
@@ -28,12 +28,11 @@ OBSERVERS = {
 
 
 class StepTime(NamedTuple):
-    """Seconds of one step in a log, its operations, and the step over 1000 rounds of `x = x * 0.999 + 0.001`."""
+    """Seconds of one step in a log, and its operations."""
 
     name: str
     seconds: float
     operations: int
-    rounds_1000: float
 
 
 def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
@@ -45,9 +44,8 @@ def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
         kernel = Kernel(observer.step, state, first, lowering="python")
         kernel.scan(state, samples)
         log = partial(kernel.scan, state, samples)
-        pairs = [(seconds(log), seconds(rounds)) for _ in range(repeats)]
-        step, ratio = statistics.median(a for a, _ in pairs) / STEPS, statistics.median(a / b for a, b in pairs)
-        yield StepTime(name, step, len(kernel.program.nodes), ratio * ROUNDS / STEPS / 1000)
+        step_s = statistics.median(seconds(log) for _ in range(repeats)) / STEPS
+        yield StepTime(name, step_s, len(kernel.program.nodes))
 
 
 def drive(observer: SpeedObserver) -> RobotSample:
@@ -60,13 +58,6 @@ def drive(observer: SpeedObserver) -> RobotSample:
     blank = observer.no_sample()
     columns = dict.fromkeys(blank._fields, nothing) | {"speed_age_s": np.zeros(STEPS)}
     return RobotSample(**(columns | {"dt_s": np.full(STEPS, 0.01), "wheel_speed_rad_s": speeds, "current_A": current}))
-
-
-def rounds() -> float:
-    x = 0.3
-    for _ in range(ROUNDS):
-        x = x * 0.999 + 0.001
-    return x
 
 
 def seconds(run: Callable[[], object]) -> float:

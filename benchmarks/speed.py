@@ -126,7 +126,7 @@ def own_filters(repeats: int) -> Section:
 def observers(repeats: int) -> Section:
     """The speed observer of the traction half on one log."""
     rows, goals = [], []
-    for name, seconds, operations, _ in step_times(repeats):
+    for name, seconds, operations in step_times(repeats):
         rows.append((name, str(operations), duration(seconds)))
         if "AUKF" in name:
             goals.append(Goal(f"speed observer: {name}, Python source", seconds, 30e-6))

@@ -1,4 +1,4 @@
-"""Speed observer on the robot in MuJoCo, its time per step, and the energy balance of our own plant.
+"""Speed observer on the robot in MuJoCo, and the energy balance of our own plant.
 
 The drives are those of tests/lab/observed_drives with other seeds: radius off by 0.5 %, grade by one degree, the
 creep of the ground 1.5 times the assumed one, each as the observer's sigma says.
@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from figure import Figure, at_least, at_most
-from observer_speed import step_times
 from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
@@ -37,7 +36,6 @@ def rows() -> Iterator[Figure]:
     yield from spinning_with_speed()
     yield from spinning_otherwise()
     yield from wrong_ground()
-    yield from step_time()
     yield from energy_balance()
 
 
@@ -120,13 +118,6 @@ def consistent(data: str, method: str, found: runs.Runs) -> Iterator[Figure]:
     bars = (NEES_UPPER, NEES_LOWER) if method.startswith("UKF") else (None, None)
     yield at_most(f"MuJoCo, {data}", method, "NEES of the speed, largest", float(means.max()), bars[0], ".2f")
     yield at_least(f"MuJoCo, {data}", method, "NEES of the speed, mean", float(means.mean()), bars[1], ".2f")
-
-
-def step_time() -> Iterator[Figure]:
-    """Python source, NumPy alone."""
-    for name, seconds, operations, rounds in step_times():
-        what = f"time per step [us], {operations} operations, {rounds:.1f} thousand rounds of a Python loop"
-        yield at_most("one log", name, what, 1e6 * seconds, 30.0 if "AUKF" in name else None)
 
 
 def energy_balance() -> Iterator[Figure]:
