@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ohmward.battery.battery import Knowledge
 from ohmward.battery.chemistries import generic_battery, start_noise
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.band_forecast import (
     END_SOC,
@@ -34,6 +36,14 @@ def test_the_day_draws_what_it_says():
 def test_an_unknown_start_is_no_better_than_a_known_one():
     for band in forecast(LFP):
         assert 0.0 < band.known_start <= band.unknown_start
+
+
+def test_the_band_of_a_learnt_file_is_that_of_its_filter():
+    """Its curve is pinned to the charge below full, so an unknown capacity opens the band on the way down."""
+    p = parameters_of(NMC_KNOWN)
+    learnt = replace(NMC_KNOWN, knowledge=Knowledge.of(p.names, prior_covariance(NMC_KNOWN), (), 0.1))
+    assert forecast(learnt, [25.0]) == forecast(replace(learnt.pinned, knowledge=None), [25.0])
+    assert forecast(learnt, [25.0]) != forecast(NMC_KNOWN, [25.0])
 
 
 def test_a_flat_curve_promises_less_than_a_steep_one():

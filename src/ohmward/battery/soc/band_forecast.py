@@ -16,6 +16,7 @@ from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.causes import points
 from ohmward.battery.soc.explanation import filtered
+from ohmward.battery.soc.registry import EstimatorSettings, thevenin_filter
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
@@ -55,7 +56,7 @@ class BandsAfterTest:
 
 def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:
     """The bands of this battery file, from the extended filter."""
-    settings = TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A)
+    settings = thevenin_filter("ekf")(battery, EstimatorSettings(battery.idle_current_A))
     first = SocSample(0.0, 0.0, np.nan, np.nan)
     kernel = Kernel(settings.step, settings.init(first, START_SOC), first, lowering="python")
     return tuple(
