@@ -13,9 +13,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, declared_full_at, model_of, on_day, samples_of
-from ohmward.battery.soc.exchange_watch import exchanged_at
-from ohmward.battery.soc.gaussian_sum import carries_errors
+from ohmward.battery.soc.estimator import (
+    SocEstimator,
+    after_long_gaps,
+    declared_full_at,
+    exchange_in,
+    model_of,
+    on_day,
+    samples_of,
+)
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, NO_SAMPLE, Estimator, SocEstimate, SocSample
 from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.filters.estimator import row_of
@@ -41,18 +47,16 @@ def estimate_logs(
     """
     together = {i: log for i, log in enumerate(logs) if _in_one_piece(estimator, log)}
     found = _side_by_side(estimator, [*together.values()], initial_soc, initial_soc_std, lowering) if together else []
-    of_one = {i: e for (i, log), e in zip(together.items(), found, strict=True) if not _exchanged(estimator, log, e)}
+    of_one = {
+        i: e
+        for (i, log), e in zip(together.items(), found, strict=True)
+        if exchange_in(estimator, samples_of(log), e.innovation_V, e.flags) is None
+    }
 
     def run(log: Log) -> SocEstimate:
         return SocEstimator(estimator, initial_soc, initial_soc_std, lowering).run(log).estimates
 
     return [of_one[i] if i in of_one else run(log) for i, log in enumerate(logs)]
-
-
-def _exchanged(estimator: Estimator, log: Log, found: SocEstimate) -> bool:
-    """True where the estimates of a log show that another battery was put in along it."""
-    model = model_of(estimator) if carries_errors(estimator) else None
-    return model is not None and exchanged_at(samples_of(log), found.innovation_V, found.flags, model) is not None
 
 
 def _in_one_piece(estimator: Estimator, log: Log) -> bool:

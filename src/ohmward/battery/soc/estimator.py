@@ -320,14 +320,12 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self, samples: SocSample, before: SocEstimate | None, piece: SocEstimate, stop: int
     ) -> int | None:
         """First row in the estimates of a piece that shows another battery; before: those of the piece before it."""
-        if self._model is None or not carries_errors(self.settings):
-            return None
         innovation_V, flags = piece.innovation_V, piece.flags
         if before is not None:
             innovation_V = np.concatenate([before.innovation_V[-FORGETS:], innovation_V])
             flags = np.concatenate([before.flags[-FORGETS:], flags])
         begin = stop - len(flags)
-        row = exchanged_at(SocSample(*(column[begin:stop] for column in samples)), innovation_V, flags, self._model)
+        row = exchange_in(self.settings, SocSample(*(column[begin:stop] for column in samples)), innovation_V, flags)
         return None if row is None else begin + row
 
     def _starts_over_at(
@@ -410,6 +408,15 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
 def model_of(settings: Estimator) -> Thevenin | None:
     """Model of an estimator that starts from the first voltage; None for another one."""
     return getattr(getattr(settings, "voltage_start", None), "model", None)
+
+
+def exchange_in(settings: Estimator, samples: SocSample, innovation_V: np.ndarray, flags: np.ndarray) -> int | None:
+    """First row of samples (T,), and of their estimates, that shows another battery; None without any.
+
+    Only filters that carry the errors of sensor and model can show it.
+    """
+    model = model_of(settings) if carries_errors(settings) else None
+    return None if model is None else exchanged_at(samples, innovation_V, flags, model)
 
 
 def declared_full_at(settings: Estimator, log: Log) -> set[int]:
