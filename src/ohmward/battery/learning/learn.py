@@ -50,7 +50,7 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import LOCATED_STD, Solution, solve, with_capacity
+from ohmward.battery.learning.solve import LOCATED_STD, Solution, count_error2, solve, with_capacity
 from ohmward.battery.learning.start import (
     full_at_start,
     given_at_start,
@@ -275,14 +275,15 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
         prior = prior_of_age(model, of_file, found.x)
         found = solve(model, prior, anchors, found.x)
     located = anchors or found.ends_std.min() < LOCATED_STD
-    found = with_capacity(model, prior, anchors, found)
+    error2 = count_error2(battery, anchors, found)
+    found = with_capacity(model, prior, anchors, found, error2)
     K = model.parameters.size
     theta, covariance = found.x[:K], found.covariance[:K, :K]
     lowest_soc = float(found.charge.soc.min())
     if not located:
         theta, covariance = with_curve_of_file(model.parameters, theta, covariance, prior.cov[:K, :K])
         lowest_soc = 1.0
-    after = fold(battery, theta, covariance, lowest_soc, found.count_error2)
+    after = fold(battery, theta, covariance, lowest_soc, error2)
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 

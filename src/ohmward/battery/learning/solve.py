@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.voltage_model import ChargeAlong, VoltageModel
 from ohmward.battery.posterior import (
@@ -62,7 +63,6 @@ class Solution(NamedTuple):
     misfit: float  #: factor by which the residuals exceed their variance, 1 where they do not
     charge: ChargeAlong  #: charge and state of charge at every sample
     capacity_known: bool = True  #: False where the part does not show the capacity
-    count_error2: float = np.inf  #: variance of a capacity by the charge of the part, without that of its offset
 
     @property
     def ends_std(self) -> np.ndarray:
@@ -268,19 +268,27 @@ def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
     return Normal(mean, max(float(np.sqrt(weight @ (grid - mean) ** 2)), least_std))
 
 
-def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
+def count_error2(battery: Battery, anchors: Sequence[SocAnchor], found: Solution) -> float:
+    """Variance of a capacity by the charge of the part, without that of its offset."""
+    axis_std = battery.noise.soc_axis_std
+    at_ends = (_FULL_PLACE_STD, _EMPTY_PLACE_STD) if found.ends_std.max() < LOCATED_STD else (axis_std, axis_std)
+    return capacity_error2(np.minimum(at_ends, axis_std), anchors, float(np.ptp(found.charge.soc)))
+
+
+def with_capacity(
+    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution, error2: float
+) -> Solution:
     """The solution with the distribution of the capacity that its part supports.
+
+    error2: see `count_error2`.
 
     A part that reaches below all earlier logs shows it by the knee at empty, a cut-off by the place of empty. Any other
     part says nothing about it but by its offset: along the charge below full the curve is the same whatever the
     capacity is. Nor does one whose curve and anchors could be that far off (`capacity_error2`).
     """
-    knowledge, axis_std, soc = model.battery.knowledge, model.battery.noise.soc_axis_std, found.charge.soc
-    at_ends = (_FULL_PLACE_STD, _EMPTY_PLACE_STD) if found.ends_std.max() < LOCATED_STD else (axis_std, axis_std)
-    error2 = capacity_error2(np.minimum(at_ends, axis_std), anchors, float(np.ptp(soc)))
-    found = found._replace(count_error2=error2)
+    knowledge = model.battery.knowledge
     of_offset = capacity_by_offset(model.parameters, prior, Belief(found.x, found.covariance))
-    if knowledge is None or soc.min() < knowledge.seen_from_soc - _DEEPER:
+    if knowledge is None or found.charge.soc.min() < knowledge.seen_from_soc - _DEEPER:
         informed = error2 < _INFORMED_SHARE * of_offset.std**2
         marginal = capacity_marginal(model, prior, anchors, found) if informed else None
         if marginal is None:
@@ -317,7 +325,7 @@ def with_marginal(
     """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
     q = model.parameters.group("capacity").start
     there = solve(model, prior, anchors, found.x, _SEARCH_STEPS, {q: marginal.mean})
-    return _with_variance(there, q, marginal.std**2)._replace(count_error2=found.count_error2)
+    return _with_variance(there, q, marginal.std**2)
 
 
 def _with_variance(found: Solution, q: int, variance: float) -> Solution:
