@@ -79,6 +79,13 @@ def test_points_hold_throughput_and_the_capacity_of_a_discharge():
     np.testing.assert_allclose(track.cycles, [0.125, 0.375])
 
 
+def test_a_copy_of_a_log_moves_no_charge_again():
+    dated = DatedLogs((log("a"), log("copy of a")), np.array([0.0, 0.0]), True)
+    copy = update("copy of a", np.nan)._replace(verdict="seen")
+    new = newness(generic_battery("nmc", 10.0), [update("a", 0.1)])
+    assert [point.cycles for point in points_of(dated, [update("a", 0.1), copy], new)] == [0.25, 0.0]
+
+
 def test_a_quantity_that_is_not_known_has_no_logarithm():
     assert logarithm(Normal(np.nan, np.inf), 1.0).std == np.inf
     assert not HealthPoint("a", 0.0, 1.0, 0.0).shows_capacity

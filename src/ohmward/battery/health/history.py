@@ -109,7 +109,7 @@ def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float |
 
 
 def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> list[HealthPoint]:
-    """One point per log; a log that was set aside has only its time and throughput.
+    """One point per log; a log that was set aside has only its time and throughput, a copy of another only its time.
 
     The capacity is that of a discharge in use, over what a new battery would have given down to the end of its first
     discharge; of a deeper one only the share down to there. If it is never emptied, it is the whole capacity.
@@ -161,7 +161,7 @@ def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthP
         log=log.name,
         time_s=start_s + log.duration_s / 2,
         hours=log.duration_s / SECONDS_PER_HOUR,
-        cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
+        cycles=0.0 if update.verdict == "seen" else log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
         full=update.soc_max >= _FULLY_CHARGED_SOC,
     )
