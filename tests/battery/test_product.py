@@ -97,7 +97,18 @@ def test_its_doubt_is_what_the_batteries_differ_by():
             None,
             "identify all with --model thevenin-2rc",
         ),
-        ([generic_battery("nca", 3.0, 2)] * 2, 3, "n_series must be a multiple of that of the files, 2, got 3"),
+        ([CELL, CELL], None, "cell is given twice"),
+        ([CELL, generic_battery("nca", 3000.0)], None, "their capacity: cell 3 Ah, generic nca 3000 Ah; .* mAh"),
+        (
+            [CELL, replace(generic_battery("lfp", 3.0), chemistry="nca")],
+            None,
+            r"their open-circuit voltage: cell \d+ mV, generic lfp \d+ mV; RMS .* another chemistry",
+        ),
+        (
+            [generic_battery("nca", 3.0, 2, label=name) for name in "ab"],
+            3,
+            "n_series must be a multiple of that of the files, 2, got 3",
+        ),
     ],
 )
 def test_batteries_of_several_types_are_refused(batteries, n_series, message):

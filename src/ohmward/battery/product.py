@@ -20,9 +20,11 @@ import numpy as np
 from ohmward.battery.battery import Battery, Provenance, require_battery
 from ohmward.battery.cells.cell_filter import CellSpread
 from ohmward.battery.health.health import NEW_CAPACITY_STD
+from ohmward.battery.identification.log_details import MOST_OF_RANGE
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.thevenin_filter import LEAST_CAPACITY, MOST_CAPACITY
 from ohmward.errors import InputError
 
 #: Number of batteries that the usual spread counts as.
@@ -40,8 +42,8 @@ def battery_of_type(batteries: Sequence[Battery], n_series: int | None = None, l
     label: its name; by default "type of" and the first one's.
 
     Raises:
-        InputError: fewer than two, of several chemistries, with different numbers of cells or of RC pairs, or
-            `n_series` is not a multiple of theirs.
+        InputError: fewer than two, one of them twice, of several chemistries, with different numbers of cells or of RC
+            pairs, with capacities or curves that no product has, or `n_series` is not a multiple of theirs.
     """
     for battery in batteries:
         require_battery(battery)
@@ -71,12 +73,31 @@ def battery_of_type(batteries: Sequence[Battery], n_series: int | None = None, l
 
 
 def _require_alike(batteries: Sequence[Battery]) -> None:
-    for what, found, fix in (
-        ("chemistry", [b.chemistry or "unknown" for b in batteries], "a type has one; leave the others out"),
-        ("number of cells in series", [b.n_series for b in batteries], "identify all with the same --n-series"),
-        ("number of RC pairs", [b.thevenin.pairs for b in batteries], "identify all with --model thevenin-2rc"),
+    if copies := [b.name for b in batteries if batteries.count(b) > 1]:
+        raise InputError(f"{copies[0]} is given twice; a type needs several batteries, each with a file of its own")
+    chemistries, cells = [b.chemistry or "unknown" for b in batteries], [b.n_series for b in batteries]
+    pairs, capacities_Ah = [b.thevenin.pairs for b in batteries], [b.capacity_Ah for b in batteries]
+    ocv = batteries[0].thevenin.ocv
+    curves_V = np.array([b.thevenin.ocv.mean_V(OCV_GRID, ocv.reference_degC) for b in batteries])
+    off_V = np.sqrt(np.mean((curves_V - np.median(curves_V, axis=0)) ** 2, axis=1))
+    for what, found, differ, fix in (
+        ("chemistry", chemistries, len(set(chemistries)) > 1, "a type has one; leave the others out"),
+        ("number of cells in series", cells, len(set(cells)) > 1, "identify all with the same --n-series"),
+        ("number of RC pairs", pairs, len(set(pairs)) > 1, "identify all with --model thevenin-2rc"),
+        (
+            "capacity",
+            [f"{capacity_Ah:.4g} Ah" for capacity_Ah in capacities_Ah],
+            LEAST_CAPACITY * max(capacities_Ah) > MOST_CAPACITY * min(capacities_Ah),
+            "no two of a product do; is one in mAh, or of another product?",
+        ),
+        (
+            "open-circuit voltage",
+            [f"{1e3 * each_V:.0f} mV" for each_V in off_V],
+            off_V.max() > MOST_OF_RANGE * (ocv.voltage_V[-1] - ocv.voltage_V[0]),
+            "RMS from the middle one; is one of another chemistry?",
+        ),
     ):
-        if len(set(found)) > 1:
+        if differ:
             each = ", ".join(f"{b.name} {value}" for b, value in zip(batteries, found, strict=True))
             raise InputError(f"the batteries of a type differ in their {what}: {each}; {fix}")
 
