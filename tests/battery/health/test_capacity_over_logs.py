@@ -15,7 +15,7 @@ DAY_S = 86400.0
 
 def test_it_is_the_gaussian_of_the_walk_given_all_measurements():
     rng = np.random.default_rng(0)
-    time_s: Any = DAY_S * np.array([0.0, 3.0, 40.0, 41.0, 300.0])
+    time_s: Any = DAY_S * np.array([0.0, 0.2, 0.4, 0.5, 0.9])  # no day yet, in which a battery ages
     walk = np.asarray(BATTERY.noise.capacity_walk_variance(time_s))
     prior = 0.1**2 + np.minimum.outer(walk, walk)
     R = np.diag(np.square([0.05, 0.2, 0.03, 0.03, 0.02]))
@@ -32,6 +32,13 @@ def test_it_is_the_gaussian_of_the_walk_given_all_measurements():
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(cov)), atol=1e-12)
     assert found.change.mean == pytest.approx(mean[-1] - mean[0], abs=1e-12)
     assert found.change.std == pytest.approx((cov[0, 0] + cov[-1, -1] - 2 * cov[0, -1]) ** 0.5, abs=1e-12)
+
+
+def test_a_capacity_found_long_ago_opens_as_that_of_a_file_does():
+    found = capacity_over_logs(BATTERY, DAY_S * np.array([0.0, 365.0, 730.0]), [0.95] * 3, [0.05] * 3)
+    aged_std = 0.1 * np.array([0.0, 1.0, np.sqrt(2.0)])
+    np.testing.assert_allclose(found.std[1:], np.hypot(0.05, aged_std[1:]), rtol=0.02)  # less what is smoothed
+    assert found.change.std >= aged_std[-1]
 
 
 def test_one_log_has_no_change():

@@ -8,6 +8,10 @@ for a random walk with the variance Q_k between the ends of logs k and k + 1 (Ra
     m_k|n = m_k + C_k (m_k+1|n - m_k),        P_k|n = P_k + C_k^2 (P_k+1|n - P_k - Q_k)
 
 and the covariance of the capacities at the ends of logs k and n is C_k C_k+1 ... C_n-1 P_n.
+
+The filter counts what the curve shows of the capacity once, most of it in the first logs, and no walk between logs far
+apart. So the capacity of a later log errs by what a battery may have aged since the first, as that of a file with a
+date does.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from numpy.typing import ArrayLike
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
+from ohmward.battery.models.noise import AGED_CAPACITY_STD, age_after
+from ohmward.quantities import DAY_S
 
 #: Logs show the capacity if they have halved the variance that the battery file gives it; or it is known this well.
 _HALVED, _KNOWN_STD = math.sqrt(0.5), 0.05
@@ -45,8 +51,8 @@ def capacity_over_logs(battery: Battery, time_s: ArrayLike, mean: ArrayLike, std
     battery: for the random walk of its capacity.
     time_s: (n,) ascending; mean, std: (n,) of the capacity over the battery file's, as the filter had it then.
     """
-    m, P = np.array(mean, dtype=float), np.square(std)
-    span_s: Any = np.diff(time_s)
+    m, P, at_s = np.array(mean, dtype=float), np.square(std), np.asarray(time_s, dtype=float)
+    span_s: Any = np.diff(at_s)
     Q = np.asarray(battery.noise.capacity_walk_variance(span_s))
     smooth_m, smooth_P = m.copy(), P.copy()
     C = P[:-1] / (P[:-1] + Q)
@@ -54,5 +60,7 @@ def capacity_over_logs(battery: Battery, time_s: ArrayLike, mean: ArrayLike, std
         smooth_m[k] = m[k] + C[k] * (smooth_m[k + 1] - m[k])
         smooth_P[k] = P[k] + C[k] ** 2 * (smooth_P[k + 1] - P[k] - Q[k])
     variance = smooth_P[0] + P[-1] - 2.0 * np.prod(C) * P[-1]
-    change = Normal(float(smooth_m[-1] - smooth_m[0]), math.sqrt(max(float(variance), 0.0)))
-    return CapacityOverLogs(smooth_m, np.sqrt(smooth_P), change)
+    aged_std = AGED_CAPACITY_STD * np.array([age_after(days) for days in ((at_s - at_s[0]) / DAY_S).tolist()])
+    change_std = math.hypot(math.sqrt(max(float(variance), 0.0)), float(aged_std[-1]))
+    change = Normal(float(smooth_m[-1] - smooth_m[0]), change_std)
+    return CapacityOverLogs(smooth_m, np.hypot(np.sqrt(smooth_P), aged_std), change)

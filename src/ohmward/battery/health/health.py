@@ -27,7 +27,7 @@ from ohmward.battery.health.ageing import (
     life_ahead,
     no_law,
 )
-from ohmward.battery.health.capacity_over_logs import shows_capacity
+from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
 from ohmward.battery.health.history import (
     DatedLogs,
@@ -219,11 +219,12 @@ def health(
 
 def _capacity_on_board(battery: Battery, dated: DatedLogs, updates: Sequence[LogUpdate]) -> Normal:
     """Capacity over the battery file's as a filter finds it that runs through the logs one after the other."""
-    estimator, end_s, found = SocEstimator(battery), -math.inf, Normal(1.0, math.inf)
+    estimator, found = SocEstimator(battery), [(-math.inf, 1.0, math.inf)]
     for log, start_s, update in zip(dated.logs, dated.start_s.tolist(), updates, strict=True):
-        if update.verdict != "learnt" or start_s < end_s:
+        if update.verdict != "learnt" or start_s < found[-1][0]:
             continue
         estimates = estimator.run(replace(log, time_s=log.time_s - log.time_s[0] + start_s)).estimates
-        found = Normal(float(estimates.soh_capacity[-1]), float(estimates.soh_capacity_std[-1]))
-        end_s = start_s + log.duration_s
-    return found
+        capacity = float(estimates.soh_capacity[-1]), float(estimates.soh_capacity_std[-1])
+        found.append((start_s + log.duration_s, *capacity))
+    over_logs = capacity_over_logs(battery, *zip(*found[1:], strict=True))
+    return Normal(float(over_logs.mean[-1]), float(over_logs.std[-1]))

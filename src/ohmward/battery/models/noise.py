@@ -63,6 +63,12 @@ OLDEST_YEARS = 4
 _SHORTEST_STEP_S = 1e-3
 
 
+def age_after(days: float) -> float:
+    """Error by age this many days after a log that showed the battery, over that after `AGED_AFTER_DAYS`."""
+    years = min(abs(days) // 1.0 / AGED_AFTER_DAYS, OLDEST_YEARS)
+    return min(years, math.sqrt(years))
+
+
 def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
     """Linear between values on a uniform grid of SoC from 0 to 1, constant beyond."""
     return table(values, 0.0, 1.0 / (len(values) - 1), clip(soc, 0.0, 1.0))
@@ -123,8 +129,7 @@ class BatteryNoise:
         days = (unix_s - self.capacity_known_unix_s) / DAY_S
         if not (self.capacity_known_unix_s and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
             return self
-        years = min(abs(days) // 1.0 / AGED_AFTER_DAYS, OLDEST_YEARS)
-        age = min(years, math.sqrt(years))
+        age = age_after(days)
         of_age_std = age * AGED_CAPACITY_STD
         most = max(1.0, age)
         most_capacity_std = most * max(self.capacity_std, AGED_CAPACITY_STD)
