@@ -18,7 +18,6 @@ import numpy as np
 from critical_path import least_step_s
 from latency import latencies
 from ohmward.battery.chemistries import start_noise
-from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import SocSample
@@ -32,7 +31,7 @@ from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
 from ohmward.traction import Odometry
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_joint import adaptive_soc_of
 from peak import peak_flops
 from peers import Contestant, contestants

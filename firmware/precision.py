@@ -17,7 +17,6 @@ import numpy as np
 from measure import FILTERS, OBSERVERS, Case, battery_and_hour, drive, title_of
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.sample import SocSample
 from ohmward.embedded import Twin, battery_export, library, observer_export, write_library
 from ohmward.embedded.battery import JOINT
@@ -28,6 +27,7 @@ from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
 from ohmward.traction.motion.sample import samples_of as drive_samples_of
 from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"

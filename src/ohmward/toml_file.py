@@ -48,8 +48,6 @@ class TomlFile(Generic[T]):
     kinds: Mapping[type, str] = field(default_factory=dict)
     #: sub-table -> keys that it shares with the head of the file and that are written only there
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    #: rewrites the table of a file before its keys are checked, for tables that may replace others
-    normal: Callable[[dict[str, Any]], dict[str, Any]] | None = None
     #: keys that may name another file (.toml), such as "battery.file": its path is relative to the folder of the file
     #: that names it
     paths: tuple[str, ...] = ()
@@ -99,8 +97,8 @@ class TomlFile(Generic[T]):
         self._require_format(data.pop("format", None))
         for key in self.paths:
             _start_path_from(Path(folder), data, key)
-        data = self._with_common_keys(data)
-        return self.from_table(self.normal(data) if self.normal else data)
+        value: T = self._from_table(self.cls, self._with_common_keys(data), "")
+        return value
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
         """The table with the keys of the head copied into the sub-tables that share them."""
@@ -123,15 +121,6 @@ class TomlFile(Generic[T]):
             raise InputError(f"this is a {other} file; give a {self.noun} file, whose format is {self.format!r}")
         if found != self.format:
             raise InputError(f"format must be {self.format!r}, got {found!r}; update ohmward or make the file again")
-
-    def from_table(self, table: Any, place: str = "") -> T:
-        """Convert a table of a file, at this place in it, to the value.
-
-        Raises:
-            InputError: as for `parse`.
-        """
-        value: T = self._from_table(self.cls, table, place)
-        return value
 
     def _from_table(self, cls: type, table: Any, place: str) -> Any:
         if not isinstance(table, dict):

@@ -13,13 +13,11 @@ from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provena
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel, equivalent_thevenin, four_numbers, rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.errors import InputError, OhmwardError
 
 OCV = OcvCurve((12.0, 13.2, 14.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
 THEVENIN = Thevenin(2.0, OCV, (0.05, 0.04), (0.05, 0.04), ((0.01, 0.02), (0.03, 0.01)), (10.0, 500.0))
-RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0, 1500.0)
 PROVENANCE = Provenance(
     2.0,
     2.03,
@@ -190,40 +188,6 @@ def test_a_key_that_was_edited_against_the_others_is_refused(old, new, message, 
 def test_a_battery_without_a_circuit_is_refused():
     with pytest.raises(InputError, match="thevenin is missing"):
         BATTERY_FILE.parse('format = "ohmward-battery/3"\nname = "x"\ncapacity_Ah = 1.0\n')
-
-
-OF_RC = """
-    format = "ohmward-battery/3"
-    name = "rc"
-    capacity_Ah = 2.0
-    [rc]
-    c_bulk_F = 80000.0
-    c_surface_F = 500.0
-    r_bulk_ohm = 0.004
-    r_surface_ohm = 0.004
-    r_terminal_ohm = 0.003
-    activation_K = 1500.0
-    [rc.ocv]
-    voltage_V = [3.0, 4.0]
-    [rc_noise]
-    voltage_std_V = 0.0123
-"""
-
-
-def test_a_file_with_the_elements_of_the_rc_model_is_that_thevenin_circuit():
-    battery = BATTERY_FILE.parse(OF_RC)
-    assert battery.thevenin == equivalent_thevenin(RC)
-    assert battery.noise.voltage_std_V == 0.0123
-    again = BATTERY_FILE.parse(BATTERY_FILE.dump(battery))
-    assert again.thevenin.r_ohm[0] == pytest.approx(battery.thevenin.r_ohm[0], rel=1e-5)
-    assert four_numbers(rc_of_thevenin(again.thevenin))[1:] == pytest.approx(four_numbers(RC)[1:], rel=1e-4)
-    with pytest.raises(InputError, match=r"rc.c_bulk_F must be > 0"):
-        BATTERY_FILE.parse(OF_RC.replace("80000.0", "-1.0"))
-
-
-def test_a_file_with_both_circuits_has_the_thevenin_one():
-    both = BATTERY_FILE.dump(PLAIN) + OF_RC[OF_RC.index("    [rc]") :]
-    assert BATTERY_FILE.parse(both) == PLAIN
 
 
 def test_unreadable_files_are_refused_by_name(tmp_path):

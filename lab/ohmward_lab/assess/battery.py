@@ -18,7 +18,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, NO_SAMPLE, Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
@@ -27,6 +26,7 @@ from ohmward.trace import Kernel
 from ohmward.trace.structure import side_by_side
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.published.rc_three_states import RcThreeState, RcThreeStates
 from ohmward_lab.published.registry import GivenStart
 from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.sample import SocSample
 from ohmward.embedded.battery import Style, at_fixed_rate, usual_voltage, vector_samples
@@ -21,6 +20,7 @@ from ohmward.trace import trace
 from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Function, Loops, members, places
 from ohmward.trace.program import Program
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.published.rc_joint import PARAMETERS, nominal_of
 from ohmward_lab.published.textbook_joint import TextbookJoint
 

@@ -25,12 +25,12 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
+from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 
 STATE_NAMES = ("bulk_V", "surface_V")
 STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")

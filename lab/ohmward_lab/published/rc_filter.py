@@ -19,9 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, on_soc_grid
-from ohmward.battery.models.rc import Circuit, RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import (
@@ -43,7 +41,8 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
 from ohmward.trace import clip, exp, logical_not, maximum, sqrt, table, where
 from ohmward.trace.expression import Scalar
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
+from ohmward_lab.published.rc import Circuit, RcModel
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
 
@@ -272,7 +271,7 @@ class RcFilter:
     @property
     def limits(self) -> SampleLimits:
         """Limits of plausible samples."""
-        return sample_limits(self.model, self.gap_s)
+        return sample_limits(self.thevenin, self.gap_s)
 
     @cached_property
     def link(self) -> SocAsState | SocByCurve:

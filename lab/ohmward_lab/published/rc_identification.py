@@ -20,7 +20,7 @@ where q is the charge since the start, F a first-order filter of gain 1 and rate
 Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
 best. A known OCV curve takes the place of V_start + q / C, so that its curvature is not mistaken for a slow
 relaxation, and C is that of the straight line through the part of the curve that the log covers.
-`models.rc` makes a circuit of the four numbers.
+`rc.circuit_of` makes a circuit of the four numbers.
 """
 
 from __future__ import annotations
@@ -32,15 +32,14 @@ import numpy as np
 
 from ohmward.battery.charge_count import count_charge, find_gaps, known_current_A
 from ohmward.battery.identification.fit_samples import scan
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel, circuit_by_rule, circuit_of
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.optional import require
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
+from ohmward_lab.published.rc import RcModel, circuit_by_rule, circuit_of
 
 #: Currents below this rate neither charge nor discharge.
 _ZERO_RATE = 1 / 200

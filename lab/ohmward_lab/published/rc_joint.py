@@ -24,7 +24,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, walk_variance
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
@@ -40,7 +39,7 @@ from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import isfinite, linearize, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import RcFilter, RcFilterState, RcParameters
 
 LARGEST_LOGARITHM = 7.0

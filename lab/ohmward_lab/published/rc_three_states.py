@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocSample
@@ -27,7 +26,7 @@ from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, where
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import SocByCurve
 
 #: Row that selects V_o from the state.

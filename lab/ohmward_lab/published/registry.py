@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.rc import one_pair_noise, rc_of_thevenin
+from ohmward.battery.models.one_pair import one_pair_noise
 from ohmward.battery.soc.registry import Choice, EstimatorSettings, thevenin_filter
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocSample
 from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.published.rc_filter import RcFilter
 from ohmward_lab.published.rc_joint import adaptive_soc_of
 

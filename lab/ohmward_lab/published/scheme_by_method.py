@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocSample
@@ -36,7 +35,7 @@ from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, where
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import SocByCurve
 from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.filters import Belief, adaptive, kalman
@@ -21,7 +20,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance
 from ohmward.traction.friction.law import Brush, Contact
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.reproduce.row import Erratum, differs
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice

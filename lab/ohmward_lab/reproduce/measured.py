@@ -17,12 +17,12 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs import read_log
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.report import TIME, Figure, Series
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.published.scheme_by_method import METHODS
 from ohmward_lab.reproduce.row import Item, Result, ResultRow, error_rows, errors
 from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, START_STD, VOLTAGE_V, run_along

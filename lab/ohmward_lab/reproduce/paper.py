@@ -17,7 +17,6 @@ from ohmward.battery.identification.first_ocv import IdentificationSettings
 from ohmward.battery.identification.identify import Identified, identify_in_detail
 from ohmward.battery.identification.log_details import Relaxation
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.rc import RcModel, circuit_by_rule, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocEstimator, SocRun
 from ohmward.battery.soc.sample import Estimator
@@ -33,6 +32,7 @@ from ohmward.figures.battery import (
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Figure, Series
 from ohmward_lab.published.hybrid import Hybrid
+from ohmward_lab.published.rc import RcModel, circuit_by_rule, four_numbers
 from ohmward_lab.published.rc_filter import RcFilter
 from ohmward_lab.published.rc_identification import (
     EdgeResponse,

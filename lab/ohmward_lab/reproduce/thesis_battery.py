@@ -14,14 +14,13 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
-from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Figure, Series
 from ohmward.trace import Kernel
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_identification import RcIdentification, identify_rc
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeByMethodEstimate
 from ohmward_lab.reproduce.batteries import joystick_drive

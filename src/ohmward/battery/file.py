@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ohmward.atomic import back_up
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import chemistry, chemistry_name
-from ohmward.battery.models.rc import RcModel, equivalent_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
@@ -29,26 +27,12 @@ _FORMAT = "ohmward-battery/3"
 _OTHER_VOLTAGE, _OTHER_RESISTANCE = 1.4, 100.0
 
 
-def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
-    """Table of a file with its RC model, [rc], replaced by the equivalent Thevenin circuit.
-
-    Where the file has [thevenin] as well, that is the circuit, and [rc] with its [rc_noise] is ignored.
-    """
-    rest = {key: value for key, value in table.items() if key not in ("rc", "rc_noise")}
-    if "rc" not in table or "thevenin" in table:
-        return rest
-    model = equivalent_thevenin(TomlFile(RcModel, _FORMAT, "").from_table(table["rc"], "rc"))
-    noise = {"noise": table["rc_noise"]} if "rc_noise" in table else {}
-    return noise | rest | {"thevenin": asdict(model)}
-
-
 #: Format of the file; `dump` returns its text, `parse` reads it.
 BATTERY_FILE = TomlFile(
     Battery,
     _FORMAT,
     _HEADER,
-    once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)},
-    normal=_as_thevenin,
+    once={"thevenin": ("capacity_Ah",)},
     made_by="`ohmward generic` or `ohmward identify`",
 )
 

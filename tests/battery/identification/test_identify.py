@@ -21,9 +21,9 @@ from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.identification import MODELS, IdentificationSettings
 from ohmward.battery.models.noise import AGED_CAPACITY_STD
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.errors import InputError
 from ohmward.logs import Log
+from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 SOC = np.linspace(0.1, 0.95, 30)

@@ -8,11 +8,10 @@ import pytest
 from battery.identification.examples import LFP_OCV, identify, identify_in_detail, measured
 from ohmward.battery.chemistries import chemistry_prior
 from ohmward.battery.identification import IdentificationSettings
-from ohmward.battery.models import rc
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
+from ohmward_lab.published.rc import rc_of_thevenin
 from published.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
 
 SETTINGS = IdentificationSettings(CAPACITY_AH, "rc", name="drive")

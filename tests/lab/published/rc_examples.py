@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from needs import measured_file
-from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log, read_log
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 
 #: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.
 EVEN = rc.Circuit(17_000.0, 300.0, 0.03, 0.03, 0.02)

@@ -4,12 +4,12 @@ import pytest
 from battery.examples import NMC, drive, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
 from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.hybrid import Hybrid, _surer
+from ohmward_lab.published.rc import RcModel
 from ohmward_lab.published.rc_filter import RcFilter
 
 NOISE = BatteryNoise()

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from ohmward.battery.models import rc, thevenin
+from ohmward.battery.models import thevenin
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from published.rc_examples import CAPACITY_AH, EVEN, UNEVEN, model_of, rates, rates_with_voltage
 
 circuits = st.builds(

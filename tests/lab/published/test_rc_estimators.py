@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from kernels import kernel_of as compiled
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
@@ -20,7 +19,7 @@ from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import (
     BULK,
     MODEL_ERROR,

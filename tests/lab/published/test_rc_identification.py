@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_identification import (
     FIRST_S,
     filtered,

@@ -8,13 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ohmward.battery.models import rc
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.trace import Kernel
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_joint import PARAMETERS, Nominal, RcJoint
 from published.rc_examples import EVEN, lanes, row, simulate
 

@@ -3,14 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
 from ohmward.logs.log import Log
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_three_states import RcThreeStates
 
 CIRCUIT = rc.Circuit(9000.0, 40.0, 0.09, 0.06, 0.05)

@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.trace import Kernel
-from ohmward_lab.published import rc_circuit
+from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeSoc
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from ohmward.battery.models import rc
+from ohmward_lab.published import rc
 from ohmward_lab.reproduce.errata import ERRATA, _p_rate, check
 from ohmward_lab.reproduce.row import Erratum, differs
 

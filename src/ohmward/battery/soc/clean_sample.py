@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
@@ -55,7 +54,7 @@ class SampleLimits(NamedTuple):
         return is_voltage(voltage_V, self.lowest_ocv_V, self.highest_ocv_V)
 
 
-def sample_limits(model: Thevenin | RcModel, gap_s: float = CURRENT_GAP_S) -> SampleLimits:
+def sample_limits(model: Thevenin, gap_s: float = CURRENT_GAP_S) -> SampleLimits:
     """Plausibility limits of a sample of a battery."""
     return SampleLimits(gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[0], model.ocv.voltage_V[-1])
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ohmward.battery.battery import Battery, require_battery
-from ohmward.battery.models.rc import one_pair, one_pair_noise
+from ohmward.battery.models.one_pair import one_pair, one_pair_noise
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter

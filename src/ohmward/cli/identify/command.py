@@ -13,13 +13,13 @@ import numpy as np
 from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit
 from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, LogDetails, identify_in_detail
-from ohmward.battery.models.rc import four_numbers, rc_of_thevenin
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import bullets, paragraphs, table, written_battery
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import quantity
 from ohmward.figures.parts import wall_clock
+from ohmward.lab import lab
 from ohmward.logs.selection import split_selection
 from ohmward.report import Page
 
@@ -142,8 +142,9 @@ def fit_rows(fits: Sequence[LogFit]) -> list[list[str]]:
 
 def rc_summary(battery: Battery) -> dict[str, Any]:
     """The circuit as the RC model that is closest to it: its elements, resistances and time constant."""
-    model = rc_of_thevenin(battery.thevenin)
-    _, r0, r1, tau_s = four_numbers(model)
+    rc = lab("published.rc")
+    model = rc.rc_of_thevenin(battery.thevenin)
+    _, r0, r1, tau_s = rc.four_numbers(model)
     return model.circuit._asdict() | {"r0_ohm": r0, "dc_ohm": r0 + r1, "tau_s": tau_s}
 
 

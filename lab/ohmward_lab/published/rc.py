@@ -7,8 +7,7 @@ s = C_s / C and the charge q since the start, its voltage is exactly that of a T
     R_0 = R_t + R_b R_s / D      R_1 = (R_b - s D)^2 / D      tau = s (1 - s) C D
 
 where the OCV curve stands in place of the straight line V_start + q / C. So a battery of five elements is filtered and
-identified as a Thevenin circuit; the steps in the elements' own states, as published, are in the laboratory
-(`ohmward_lab.published.rc_circuit`).
+identified as a Thevenin circuit; the steps in the elements' own states, as published, are those of `rc_circuit`.
 
 No test can separate the five elements: the voltage depends on four numbers only. [T] and [P] resolve this by R_b = R_s;
 where that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
@@ -17,14 +16,14 @@ where that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.one_pair import one_pair
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
@@ -136,10 +135,6 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
 
 #: The straight line of a curve is fitted between these states of charge: most curves bend away at the ends.
 _LINE_SOC = (0.1, 0.9)
-#: Points of SoC, and times after a step, at which a circuit is compared with its equivalent of one pair.
-_SHARE_POINTS, _STEP_TIMES = 21, 60
-#: Keeps a relative difference of two circuits without resistances at 0.
-_NO_OHM = 1e-12
 
 
 def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> Circuit:
@@ -153,7 +148,7 @@ def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> Circuit
 
 
 def circuit_of(capacitance_F: float, r0: float, r1: float, tau_s: float) -> Circuit:
-    """Circuit with these `rc.four_numbers`: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
+    """Circuit with these `four_numbers`: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
 
     Without a relaxation (R_1 = 0) it has the shares of the rule, and a surface so fast that all resistance is R_0.
     With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
@@ -179,60 +174,6 @@ def rc_of_thevenin(model: Thevenin) -> RcModel:
     alone = one_pair(model)
     circuit = circuit_of(model.capacity_As / slope_V, alone.r0_discharge_ohm[0], alone.r_ohm[0][0], alone.tau_s[0])
     return RcModel(*circuit, model.ocv, model.capacity_Ah, alone.activation_K)
-
-
-def one_pair(model: Thevenin) -> Thevenin:
-    """The circuit with one RC pair, the same at every SoC, as in the RC model; all else is unchanged.
-
-    R_0 and the sum of the pairs are their means along SoC; the time constant is the geometric mean of all, weighted by
-    their resistances.
-    """
-    r0, pairs = float(np.mean(model.r0_discharge_ohm)), np.array([np.mean(row) for row in model.r_ohm])
-    r1 = float(pairs.sum())
-    tau_s = math.exp(float(pairs @ np.log(model.tau_s)) / r1) if r1 > 0.0 else 1.0
-    activation_K = mean_activation_K(model)
-    return replace(
-        model,
-        r0_discharge_ohm=(r0, r0),
-        r0_charge_ohm=(r0, r0),
-        r_ohm=((r1, r1),),
-        tau_s=(tau_s,),
-        activation_K=activation_K,
-        pair_activation_K=None,
-        tau_activation_K=activation_K,
-    )
-
-
-def one_pair_noise(model: Thevenin, noise: BatteryNoise) -> BatteryNoise:
-    """Noise to assume with `one_pair`, given that of the model: their difference is an error of the overpotential.
-
-    Its share is the largest relative difference of their responses to a step of current, along SoC; it persists for the
-    time constant.
-    """
-    alone, soc = one_pair(model), np.linspace(0.0, 1.0, _SHARE_POINTS)
-    time_s = np.geomspace(0.1 * min(model.tau_s, default=1.0), 5.0 * max(model.tau_s, default=1.0), _STEP_TIMES)
-    response, expected = (step_response_ohm(p, soc, time_s) for p in (alone, model))
-    differs = (np.abs(response - expected) / np.maximum(response, _NO_OHM)).max(axis=0)
-    own = np.array([noise.overpotential_share_at(z) for z in soc.tolist()])
-    return replace(
-        noise,
-        overpotential_share=tuple(np.hypot(own, differs).tolist()),
-        correlation_s=max(noise.correlation_s, *alone.tau_s),
-    )
-
-
-def step_response_ohm(model: Thevenin, soc: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """(T, N) overpotential these times after a discharging current of 1 A began, at the reference temperature."""
-    u = CircuitInput(-1.0, model.reference_degC)
-    relaxed = [1.0 - np.exp(-time_s / tau)[:, None] for tau in model.tau_s]
-    pairs = sum(share * r for share, r in zip(relaxed, pair_resistances(soc, u, model), strict=True))
-    return ohmic_resistance(soc, u, model) + pairs + np.zeros((time_s.size, soc.size))
-
-
-def mean_activation_K(model: Thevenin) -> float:
-    """Activation of all resistances together: the mean of R_0's and the pairs', weighted by their resistances."""
-    r0, r1 = float(np.mean(model.r0_discharge_ohm)), float(sum(map(np.mean, model.r_ohm)))
-    return (r0 * model.activation_K + r1 * model.activation_of_pairs_K) / max(r0 + r1, 1e-12)
 
 
 def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> Circuit:
