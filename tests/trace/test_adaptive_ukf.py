@@ -54,7 +54,7 @@ def shortest_s(work, repeat=5):
 
 @pytest.mark.slow
 def test_machine_code_is_several_times_faster_than_numpy_and_lanes_than_one():
-    """Eleven times here, and twenty with eight lanes to a register; in the same run, since a time judges the machine."""
+    """Eleven times here, and twenty with lanes of eight; in the same run, since a time judges the machine."""
     current_A, voltage_V = adaptive_ukf.log(2000)
     lanes = adaptive_ukf.log(50, lanes=1024)
 

@@ -42,19 +42,32 @@ def test_an_offset_that_is_found_gives_the_capacity_counted_with_it():
     assert by_offset.std**2 == pytest.approx(found.cov[0, 0], rel=1e-9)
 
 
-def drive_and_charge(capacity_Ah: float) -> Iterator[Log]:
-    """From full to empty, and back, between rests, by a sensor whose offset moves its count by 2 to 3 %."""
-    for sign, soc in ((-1.0, 1.0), (1.0, 0.0)):
+def drive_and_charge(capacity_Ah: float, lowest_soc: float = 0.0, early: float = 0.0) -> Iterator[Log]:
+    """From full down, and back, between rests, by a sensor whose offset moves its count by 2 to 3 %.
+
+    early: SoC by which the knee at empty comes earlier than on the curve of the label.
+    """
+    soc = np.linspace(0.0, 1.0, len(LABEL.thevenin.ocv.voltage_V))
+    voltage_V = np.interp(soc - early * (1.0 - soc), soc, LABEL.thevenin.ocv.voltage_V)
+    true = replace(LABEL.thevenin, capacity_Ah=capacity_Ah, ocv=replace(LABEL.thevenin.ocv, voltage_V=tuple(voltage_V)))
+    for sign, start_soc in ((-1.0, 1.0), (1.0, lowest_soc)):
         time_s = np.arange(0.0, (0.5 * capacity_Ah + 1.0) * 3600.0, 10.0)
         moving = (time_s >= 1800.0) & (time_s < time_s[-1] - 1800.0)
-        current_A = np.where(moving, sign * (2.0 + np.sin(time_s / 400.0)), 0.0)
+        current_A = np.where(moving, 2.0 + np.sin(time_s / 400.0), 0.0)
+        current_A *= sign * (1.0 - lowest_soc) * capacity_Ah * 3600.0 / np.trapezoid(current_A, time_s)
         log = Log(f"{sign:+g}", time_s, current_A, np.zeros(time_s.size), np.full(time_s.size, 25.0))
-        true = replace(LABEL.thevenin, capacity_Ah=capacity_Ah)
-        yield replace(log, voltage_V=simulate_voltage(true, log, soc).voltage_V, current_A=current_A + 0.05)
+        yield replace(log, voltage_V=simulate_voltage(true, log, start_soc).voltage_V, current_A=current_A + 0.05)
 
 
 @pytest.mark.parametrize("capacity_Ah", [8.8, 11.2])
 def test_a_discharge_and_a_charge_between_steep_ends_show_the_capacity(capacity_Ah):
     learnt = learn(LABEL, list(drive_and_charge(capacity_Ah))).battery
-    assert learnt.noise.capacity_std < 0.03
+    assert learnt.noise.capacity_std < 0.05
+    assert learnt.capacity_Ah == pytest.approx(capacity_Ah, rel=2 * learnt.noise.capacity_std)
+
+
+@pytest.mark.parametrize("capacity_Ah", [8.8, 11.2])
+def test_a_knee_above_the_voltage_of_empty_does_not_show_the_capacity(capacity_Ah):
+    """It comes earlier than the label has it, as with other cells of the chemistry."""
+    learnt = learn(LABEL, list(drive_and_charge(capacity_Ah, lowest_soc=0.1, early=0.08))).battery
     assert learnt.capacity_Ah == pytest.approx(capacity_Ah, rel=2 * learnt.noise.capacity_std)

@@ -33,27 +33,32 @@ def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Belief]:
     return model, prior
 
 
-def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
+def test_the_solution_is_that_of_a_kalman_filter_that_considers_the_places_of_empty_and_full():
     model, prior = problem(TESTED, day(MODEL, 1))
     anchors = [SocAnchor(0, 1.0, 0.01)]
     found = solve(model, prior, anchors, prior.mean, most_steps=40)
     p = model.predict(found.x)
     # linear about the solution, the robust factor of each row as the solution has it
     robust = np.sqrt(1.0 + found.residual_V**2 / (found.variance_V2 * found.misfit) / 2.5**2)
+    slope_V = p.voltage_columns[:, model.unknowns.group("start soc")]
+    of_places = slope_V * np.column_stack([1.0 - p.soc.clip(0.0, 1.0), p.soc.clip(0.0, 1.0)])
     rows = [*zip(p.voltage_columns, found.residual_V, found.variance_V2 / found.weight * robust, strict=True)]
     rows.append((p.charge.soc_columns(np.array([0]))[0], 1.0 - p.charge.soc[0], 0.01**2))
     highest = int(np.argmax(p.charge.soc))
     if p.charge.soc[highest] > 1.0:
         of_highest = p.charge.soc_columns(np.array([highest]))[0]
         rows.append((of_highest, 1.0 - p.charge.soc[highest], 0.01**2))
-    mean, P = prior.mean.copy(), prior.cov.copy()
-    for column, residual, variance in rows:
+    mean, P, moved = prior.mean.copy(), prior.cov.copy(), np.zeros((prior.mean.size, 2))
+    for k, (column, residual, variance) in enumerate(rows):
         gain = P @ column / (column @ P @ column + variance)
         mean += gain * (residual + column @ (found.x - mean))
+        moved += np.outer(gain, (of_places[k] if k < len(of_places) else 0.0) - column @ moved)
         P -= np.outer(gain, column @ P)
     std = np.sqrt(np.diag(P))
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(std, rel=1e-3)
+    assert np.sqrt(np.diag(np.linalg.inv(found.hessian))) == pytest.approx(std, rel=1e-3)
     assert np.max(np.abs(mean - found.x) / std) < 0.1
+    with_places = np.sqrt(np.diag(P + TESTED.noise.soc_axis_std**2 * moved @ moved.T))
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(with_places, rel=1e-3)
 
 
 def test_the_columns_are_the_derivatives_of_the_voltage():

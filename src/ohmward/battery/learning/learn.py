@@ -275,7 +275,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
         prior = prior_of_age(model, of_file, found.x)
         found = solve(model, prior, anchors, found.x)
     located = anchors or found.ends_std.min() < LOCATED_STD
-    error2 = count_error2(battery, anchors, found)
+    error2 = count_error2(model, anchors, found)
     found = with_capacity(model, prior, anchors, found, error2)
     K = model.parameters.size
     theta, covariance = found.x[:K], found.covariance[:K, :K]

@@ -9,6 +9,12 @@ capacities q = ln Q, all else is fitted (Laplace, as in Rue et al. 2009, J. R. S
     -2 ln p(q) = cost(x_q) + ln det H_q       x_q, H_q the most likely other unknowns at q and their Hessian
 
 Mean and variance of that distribution take the place of those at the mode.
+
+Where empty and full lie on the curve errs alike in all rows, however many there are. These two errors d are considered,
+not sought (Schmidt 1966, Adv. Control Syst. 3, 293), with J, W and J_d the rows' derivatives, weights, and derivatives
+by the two places:
+
+    P = H^-1 + G diag(std_d^2) G'       G = H^-1 J' W J_d       J_d = dV/dz [1 - z, z]
 """
 
 from __future__ import annotations
@@ -20,9 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.voltage_model import ChargeAlong, VoltageModel
+from ohmward.battery.chemistries import CHEMISTRIES, Normal
+from ohmward.battery.learning.voltage_model import ChargeAlong, OpenCircuit, VoltageModel
 from ohmward.battery.posterior import (
     Gaussian,
     Unknowns,
@@ -66,10 +71,10 @@ class Solution(NamedTuple):
 
     @property
     def ends_std(self) -> np.ndarray:
-        """(2,) standard deviation of the SoC of the part at its highest and at its lowest."""
+        """(2,) standard deviations of the highest and the lowest SoC of the part, as if the curve were right."""
         soc = self.charge.soc
         columns = self.charge.soc_columns(np.array([np.argmax(soc), np.argmin(soc)]))
-        return np.sqrt(np.einsum("nk,kl,nl->n", columns, self.covariance, columns))
+        return np.sqrt(np.einsum("nk,kl,nl->n", columns, np.linalg.inv(self.hessian), columns))
 
 
 class PartRows(NamedTuple):
@@ -77,6 +82,7 @@ class PartRows(NamedTuple):
 
     residual: np.ndarray  #: (R,) over the standard deviations
     columns: np.ndarray  #: (R, n) derivatives, over the same
+    of_places: np.ndarray  #: (R, 2) derivatives by the places of empty and full on the curve, over the same
     cost: float
     residual_V: np.ndarray  #: (N,) measured minus expected voltage
     variance_V2: np.ndarray  #: (N,) expected variance of a single sample
@@ -118,8 +124,11 @@ def solve(
             break
         factor = found
     H, cost = hessian(there.columns, density), there.cost + density.cost(x)
+    within = np.linalg.inv(H)
     errors = there.residual_V, there.variance_V2, part.weight / factor
-    return Solution(x, H, np.linalg.inv(H), cost, *errors, factor, there.charge)
+    solution = Solution(x, H, within, cost, *errors, factor, there.charge)
+    moved = within @ there.columns.T @ there.of_places * place_std(model, solution)
+    return solution._replace(covariance=within + moved @ moved.T)
 
 
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
@@ -161,7 +170,10 @@ class _PartProblem:
         width = self.weight @ np.log(variance_V2)
         cost = float(self.weight @ pseudo_huber(robust) + of_anchors @ of_anchors + width)
         residual = np.concatenate([scale * residual_V, of_anchors])
-        return PartRows(residual, columns, cost, residual_V, variance_V2, p.charge)
+        soc = p.soc.clip(0.0, 1.0)
+        of_places = np.zeros((residual.size, 2))
+        of_places[: soc.size] = (scale * slope_V)[:, None] * np.column_stack([1.0 - soc, soc])
+        return PartRows(residual, columns, of_places, cost, residual_V, variance_V2, p.charge)
 
     def soc_rows(self, x: np.ndarray, charge: ChargeAlong) -> tuple[np.ndarray, np.ndarray]:
         """Rows of the anchors, and of SoC where it lies furthest outside 0 to 1."""
@@ -190,8 +202,11 @@ _HALF = 0.5
 #: flat curves that fitted well were 4 to 16 points off.
 LOCATED_STD = 0.01
 #: Errors of full and empty on the curve of a label where both are located: chargers differ, and a cell that rested at
-#: the voltage of empty had 1 to 3 % left after drives at -15 to 45 degC.
+#: the voltage of empty had 1 to 3 % left after drives at -15 to 45 degC. Above that voltage cells of a chemistry are as
+#: far apart as everywhere: between 2.9 and 3.0 V those of LFP had 2 to 10 % left.
 _FULL_PLACE_STD, _EMPTY_PLACE_STD = 0.01, 0.02
+#: Share of the voltage of empty by which cut-offs differ; voltages there that a sensor may have spoilt.
+_CUT_OFF_SHARE, _SPOILT = 0.02, 2
 #: A part shows the capacity where it can give it with less than this share of the variance known before. Else it stays:
 #: the errors of a label's flat curve are all that would move it, and they are the same in every log.
 _INFORMED_SHARE = 1.0 / 3.0
@@ -268,11 +283,26 @@ def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
     return Normal(mean, max(float(np.sqrt(weight @ (grid - mean) ** 2)), least_std))
 
 
-def count_error2(battery: Battery, anchors: Sequence[SocAnchor], found: Solution) -> float:
+def place_std(model: VoltageModel, found: Solution) -> np.ndarray:
+    """(2,) standard deviations of the places of empty and full on the curve."""
+    located = found.ends_std.max() < LOCATED_STD and came_to_empty(model, found)
+    of_curve = model.battery.noise.soc_axis_std
+    return np.minimum((_EMPTY_PLACE_STD, _FULL_PLACE_STD) if located else np.inf, (of_curve, of_curve))
+
+
+def count_error2(model: VoltageModel, anchors: Sequence[SocAnchor], found: Solution) -> float:
     """Variance of a capacity by the charge of the part, without that of its offset."""
-    axis_std = battery.noise.soc_axis_std
-    at_ends = (_FULL_PLACE_STD, _EMPTY_PLACE_STD) if found.ends_std.max() < LOCATED_STD else (axis_std, axis_std)
-    return capacity_error2(np.minimum(at_ends, axis_std), anchors, float(np.ptp(found.charge.soc)))
+    return capacity_error2(place_std(model, found), anchors, float(np.ptp(found.charge.soc)))
+
+
+def came_to_empty(model: VoltageModel, found: Solution) -> bool:
+    """Whether the voltages of the part, less their overpotentials, have come down to that of the chemistry's empty."""
+    battery = model.battery
+    curve = OpenCircuit(battery, found.x[: model.parameters.size], model.parameters)
+    expected_V = curve.at(found.charge.charge[model.rows], model.samples.temperature_degC[model.rows])
+    lowest_V = np.sort(expected_V + found.residual_V)[: _SPOILT + 1]
+    empty_V = battery.n_series * CHEMISTRIES[battery.chemistry].ocv_V[0]
+    return bool(lowest_V[-1] <= (1.0 + _CUT_OFF_SHARE) * empty_V)
 
 
 def with_capacity(
@@ -293,7 +323,9 @@ def with_capacity(
         marginal = capacity_marginal(model, prior, anchors, found) if informed else None
         if marginal is None:
             return with_marginal(model, prior, anchors, found, of_offset)._replace(capacity_known=False)
-        return with_marginal(model, prior, anchors, found, marginal)
+        gain = of_offset.std**2 / (of_offset.std**2 + error2)
+        at_least = float(np.sqrt(gain * error2))
+        return with_marginal(model, prior, anchors, found, Normal(marginal.mean, max(marginal.std, at_least)))
     if any(anchor.soc < _HALF for anchor in anchors):
         return found
     return with_marginal(model, prior, anchors, found, of_offset)
