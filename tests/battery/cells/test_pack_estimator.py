@@ -1,13 +1,17 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from battery.cells.packs import EQUAL, HEALTHY, UNEQUAL, battery, day, log_of, truths
 from battery.examples import LFP, NMC
+from battery.soc.test_exchange_watch import NMC as EXCHANGED
+from battery.soc.test_exchange_watch import exchanged_log
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import SocFlag
 from ohmward.errors import InputError
 
 MODELS = {"nmc": NMC, "lfp": LFP}
@@ -59,6 +63,29 @@ def test_a_healthy_pack_gives_no_warning(chemistry, seed):
     assert run.first_warning_s() is None
     error, std = run.cells.soc - soc, run.cells.soc_std
     assert np.mean(np.abs(error) < 1.96 * std) >= 0.9
+
+
+def test_a_channel_that_stands_still_is_no_drift():
+    log, soc, file = pack(HEALTHY, "nmc")
+    stuck_V = log.extra[NAMES[1]].copy()
+    stuck_V[300:] = stuck_V[300]
+    run = PackEstimator(file, initial_soc=0.95).run(replace(log, extra={**log.extra, NAMES[1]: stuck_V}))
+    assert run.first_warning_s() is None
+    error = run.cells.soc - soc
+    assert np.mean(np.abs(error) < 1.96 * run.cells.soc_std) >= 0.9
+    assert np.all((run.cells.flags[-100:, 1].astype(int) & SocFlag.NO_VOLTAGE) > 0)
+
+
+def test_the_cells_of_another_pack_start_as_unknown_ones():
+    """The cells of the first stand 10 points apart, those of the second are equal."""
+    log, _ = exchanged_log(0.8, 0.4, count=600)
+    cells_V = np.repeat(log.voltage_V[:, None] / 7, 7, axis=1)
+    cells_V[:600, 0] -= 0.05
+    run = PackEstimator(EXCHANGED).run(log, cells_V)
+    (begin,) = np.flatnonzero(run.flags.astype(int) & SocFlag.EXCHANGED)
+    assert run.cells.soc_difference[begin - 1, 0] < -0.02
+    alone = PackEstimator(EXCHANGED).run(log.select(slice(begin, None)), cells_V[begin:])
+    assert run.cells.soc_difference[begin:] == pytest.approx(alone.cells.soc_difference, abs=1e-3)
 
 
 def test_the_offset_of_the_current_sensor_is_common_to_all_cells():

@@ -40,8 +40,10 @@ from ohmward.battery.soc.clean_sample import (
     first_input,
     sample_limits,
     sanitize,
+    without_voltage,
 )
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.voltage_faults import FROZEN_STD
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -49,7 +51,7 @@ from ohmward.filters.gate import choose, passes, require_gate, time_rejected
 from ohmward.filters.kalman import gain, joseph
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.quantities import DAY_S
-from ohmward.trace import clip, exp, linearize, logical_not, maximum, minimum
+from ohmward.trace import clip, exp, linearize, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 
@@ -165,6 +167,8 @@ class CellState(NamedTuple):
     temperature_degC: Scalar  #: last credible temperature
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known
+    held_V: Scalar = -1.0  #: last measured voltage; at the start one that no cell has
+    came_V: Scalar = 0.0  #: voltage of the typical cell when that one first came
 
 
 @dataclass(frozen=True)
@@ -214,8 +218,8 @@ class CellFilter:
 
     def step(self, state: CellState, sample: CellSample) -> tuple[CellState, CellEstimate]:
         """State and estimate after a sample."""
-        clean = self.sanitize(state, sample)
-        typical = sample.typical
+        typical, measured = sample.typical, self.sanitize(state, sample)
+        came_V, clean = self.without_frozen(state, measured, typical)
         moved = self.moved(clean, typical)
         prior = self.follow(unpack(state.belief), typical, typical.soc - state.soc - moved / self.soh(typical))
         prior = self.predict(prior, clean, moved)
@@ -230,7 +234,7 @@ class CellFilter:
         rejected_s = time_rejected(state.rejected_s, clean.dt_s, contradicts, clean.voltage_measured)
         after = CellState(
             pack(posterior), pair_V, typical.soc, clean.now.current_A, clean.now.temperature_degC, rejected_s,
-            clean.unknown_s,
+            clean.unknown_s, where(measured.voltage_measured, measured.voltage_V, state.held_V), came_V,
         )  # fmt: skip
         flags = clean.flags + flags_of(
             {
@@ -248,6 +252,18 @@ class CellFilter:
         if self.model.gassing_V is not None:
             usable = usable & (clean.voltage_V < self.model.gassing_V)
         return clean._replace(voltage_measured=usable)
+
+    def without_frozen(
+        self, state: CellState, clean: CleanSocSample, typical: TypicalCell
+    ) -> tuple[Scalar, CleanSocSample]:
+        """The typical cell's voltage when this one first came, and the sample without a voltage of a dead channel.
+
+        It stands still to the last digit while the typical cell's moves away.
+        """
+        same = clean.voltage_measured & (clean.voltage_V == state.held_V)
+        came_V = where(clean.voltage_measured & logical_not(same), typical.voltage_V, state.came_V)
+        frozen = same & (abs(typical.voltage_V - came_V) > FROZEN_STD * self.n_series * self.spread.voltage_std_V)
+        return came_V, without_voltage(clean, frozen, SocFlag.NO_VOLTAGE)
 
     def soh(self, typical: TypicalCell) -> Scalar:
         """Capacity of the typical cell over the battery file's."""

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -25,7 +26,7 @@ from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.live import Live
 from ohmward.trace.snapshot import VERSION, resume, sealed, take
-from ohmward.trace.structure import is_finite, structure_of
+from ohmward.trace.structure import is_finite, pick_lanes, structure_of
 
 #: Filters that estimate the offset and the health of the typical cell, which the differences need.
 FILTERS = ("ekf", "ukf", "gsf")
@@ -221,7 +222,7 @@ class PackEstimator:
             samples.temperature_degC,
             _typical_cell(soc_run.estimates, pack_V),
         )
-        cells = self._scan(of_cells)
+        cells = self._scan(of_cells, np.flatnonzero(soc_run.flags & SocFlag.EXCHANGED).tolist())
         estimates = self._estimate(soc_run.estimates, cells)
         self.last = row_of(estimates, -1)
         return PackRun(log.time_s, estimates, time.perf_counter() - began, names or found, soc_run, of_typical)
@@ -291,11 +292,20 @@ class PackEstimator:
     def _cell_states(self) -> list[CellState]:
         return [live.state for live in self._live] if self._live else self._states
 
-    def _scan(self, samples: CellSample) -> CellEstimate:
-        """Estimates (T, n) of all cells along samples, one after the other: faster than lanes for so few."""
-        first, last = (row_of(samples, k)._replace(dt_s=0.0, voltage_V=math.nan) for k in (0, -1))
+    def _scan(self, samples: CellSample, exchanged: Sequence[int]) -> CellEstimate:
+        """Estimates (T, n) of all cells along samples; exchanged: rows from which on another battery is in."""
+        columns = [samples._replace(voltage_V=voltage_V) for voltage_V in samples.voltage_V.T]
+        pieces = []
+        for begin, end in pairwise(sorted({0, *exchanged, len(samples.dt_s)})):
+            if begin in exchanged:
+                self._states, self._live = [], []
+            pieces.append(self._scan_piece([pick_lanes(column, slice(begin, end)) for column in columns]))
+        return CellEstimate(*map(np.concatenate, zip(*pieces, strict=True)))
+
+    def _scan_piece(self, columns: Sequence[CellSample]) -> CellEstimate:
+        """Estimates (T, n) of cells along the samples (T,) of each, one after the other: faster than lanes for few."""
+        first, last = (row_of(columns[0], k)._replace(dt_s=0.0, voltage_V=math.nan) for k in (0, -1))
         states = self._cell_states() or self._first(first)
-        columns = (samples._replace(voltage_V=voltage_V) for voltage_V in samples.voltage_V.T)
         ended, cells = zip(*map(self.kernel.scan, states, columns), strict=True)
         structure = structure_of(states[0], "state")
         self._states = [state if is_finite(structure, state) else self.settings.init(last) for state in ended]
