@@ -323,10 +323,6 @@ _LEAST_SOC_RANGE = 0.05
 #: Without a curve, change of SoC, at the current of the log, within the longest time constant of the search: a slower
 #: relaxation looks like curvature of the open-circuit voltage (a DST on NMC: 893 s and ten times the R_1).
 _STRAIGHT_SOC = 0.02
-#: A time constant above this share of the longest one is set by the limit of the search, not by the battery.
-_AT_LIMIT = 0.95
-#: A voltage sampled later after an edge is not that of the edge [s]; [P] fits the time constant to the first 500 ms.
-_SLOW_DELAY_S = 10.0
 #: Smallest standard deviation of a voltage sensor, whatever a short log shows.
 _LEAST_VOLTAGE_STD_V = 0.001
 #: Smallest relative standard deviation of the resistances: two estimates of them may agree by chance.
@@ -343,17 +339,14 @@ _MEDIAN_OF_NORMAL = 0.6745
 
 
 class RcIdentification(NamedTuple):
-    """The RC model, how it was identified, and the parameters that the log does not identify."""
+    """The RC model, and how it was identified."""
 
     model: RcModel  #: the result; `fit` turned into elements, or `rule` where the fit was not possible
     noise: BatteryNoise  #: what a filter on this model should assume: voltage noise, and model error along SoC
     rule: RcModel  #: by [P]'s rule alone
-    rule_rms_V: float  #: root mean square of the error that the rule's circuit leaves on the whole log
     response: EdgeResponse  #: of the voltage to the edges of the current
     tau: TimeConstant  #: time constant by the rule
     fit: VoltageFit | None  #: least squares on the whole log; None where it was not possible
-    notes: tuple[str, ...]  #: what was done
-    not_identified: tuple[str, ...]  #: what could not be identified, and why
 
 
 def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: float | None = None) -> RcIdentification:
@@ -387,10 +380,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     model = rule if fit is None else RcModel(*circuit_of(*fit.numbers), curve, capacity_Ah)
     line_slope_V = 0.0 if ocv else curve.voltage_V[-1] - curve.voltage_V[0]
     noise = BatteryNoise() if fit is None else _noise(fit, response, soc, line_slope_V)
-    notes = _notes(response, fit, 1 - len(samples.time_s) / len(log), total_F)
-    rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V
-    missing = _missing(response, tau, fit, (samples.typical_step_s, longest_tau_s))
-    return RcIdentification(model, noise, rule, rule_rms_V, response, tau, fit, notes, missing)
+    return RcIdentification(model, noise, rule, response, tau, fit)
 
 
 def _usual_degC(log: Log) -> float:
@@ -473,48 +463,3 @@ def _resistance_std(response: EdgeResponse, fit: VoltageFit) -> float:
     at_edges = response.r_total_ohm
     fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
     return abs(at_edges - fitted) / (at_edges + fitted)
-
-
-def _notes(response: EdgeResponse, fit: VoltageFit | None, left_out: float, total_F: float) -> tuple[str, ...]:
-    """Sentences on what was done; left_out: share of the samples.  total_F: C_b + C_s by the ends of the curve."""
-    notes = [f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage"] if left_out else []
-    first = f"R_total = {1e3 * response.r_total_ohm:.3g} mohm from {response.edges} edges, seen after "
-    notes.append(f"{first}{response.delay_s:g} s (what relaxes within is in it)")
-    if response.window_s > FIRST_S:
-        notes.append(
-            f"the sampling is too slow for the first {1e3 * FIRST_S:g} ms after an edge; the time constant was sought "
-            f"in the first {response.window_s:g} s"
-        )
-    if fit is not None:
-        notes.append(
-            f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms); C_b + C_s = {fit.capacitance_F:.4g} F along the log, "
-            f"{total_F:.4g} F by the ends of the OCV curve"
-        )
-    return tuple(notes)
-
-
-def _missing(
-    response: EdgeResponse, tau: TimeConstant, fit: VoltageFit | None, limits_s: tuple[float, float]
-) -> tuple[str, ...]:
-    """Sentences on what is not identified; limits_s: usual time between samples, longest time constant searched."""
-    step_s, longest_s = limits_s
-    sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
-    if response.delay_s > _SLOW_DELAY_S:
-        sentences.append(
-            f"R_total by the rule: the log shows the voltage only {response.delay_s:.0f} s after an edge, when it has "
-            "relaxed and charge has flowed"
-        )
-    if not tau.found:
-        sentences.append(f"tau by the rule: no exponential in the first {response.window_s:g} s after the edges")
-    if fit is None:
-        sentences.append("the whole log: its voltage does not rise with charge and current; the rule alone was used")
-    elif fit.r1_ohm == 0.0:
-        sentences.append("the relaxation: the log shows no exponential beside R_0 and the open-circuit voltage")
-    elif fit.tau_s < step_s:
-        sentences.append(f"the time constant: shorter than the {step_s:g} s between two samples, or none")
-    elif fit.tau_s > _AT_LIMIT * longest_s:
-        sentences.append(
-            f"the time constant: {fit.tau_s:.0f} s is the longest that was looked for; slower ones are not told from "
-            "the open-circuit voltage"
-        )
-    return tuple(sentences)

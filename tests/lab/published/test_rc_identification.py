@@ -1,4 +1,4 @@
-"""The RC model from a log: exact recovery, the rule, slow sampling, long charges, and what cannot be known."""
+"""The RC model from a log: exact recovery, the rule, slow sampling, and long charges."""
 
 from dataclasses import replace
 
@@ -49,7 +49,6 @@ def test_recovers_the_four_numbers_of_any_circuit():
     run = simulate(UNEVEN, 2000)
     found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
     np.testing.assert_allclose(four_numbers(found.model), four_numbers(UNEVEN), rtol=1e-4)
-    assert any("R_t apart from R_b and R_s" in sentence for sentence in found.not_identified)
 
 
 def test_noise_leaves_the_parameters_and_is_measured():
@@ -94,11 +93,6 @@ def test_rule_finds_resistance_and_time_constant_in_the_first_half_second():
     assert found.rule.c_surface_F == pytest.approx(tau.tau_s / (2 * found.rule.r_surface_ohm))
 
 
-def test_slow_sampling_is_said_aloud():
-    found = identify_rc(log_of(simulate(EVEN, 2000).samples), LINE, CAPACITY_AH)
-    assert any("too slow for the first 500 ms" in note for note in found.notes)
-
-
 def test_logger_that_writes_both_currents_at_one_moment_is_understood():
     """As telemetry does: at the edge two rows with the old and the new current and one voltage in between."""
     log = pulses(EVEN, dt_s=1.0)
@@ -124,7 +118,6 @@ def test_long_charges_are_left_out():
     assert 14.4 not in samples.voltage_V
     found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
     np.testing.assert_allclose(four_numbers(found.model), four_numbers(EVEN), rtol=0.02)
-    assert any("left out: long charges" in note for note in found.notes)
 
 
 def test_each_part_starts_from_rest():
@@ -167,7 +160,7 @@ def test_a_straight_line_is_in_doubt_beyond_its_log():
     assert max(identify_rc(log, LINE, CAPACITY_AH).noise.model_std_V) < 0.02
 
 
-def test_no_relaxation_in_the_log_is_said_and_modelled_as_resistance():
+def test_no_relaxation_in_the_log_is_modelled_as_resistance():
     run = simulate(EVEN, 2000)
     resistor_V = 12.0 + 0.05 * run.samples.current_A + np.cumsum(run.samples.current_A * run.samples.dt_s) / 20_000.0
     found = identify_rc(log_of(run.samples._replace(voltage_V=resistor_V)), LINE, CAPACITY_AH, start_soc=1.0)
@@ -177,7 +170,7 @@ def test_no_relaxation_in_the_log_is_said_and_modelled_as_resistance():
 
 
 def test_log_that_shows_no_battery_leaves_the_rule():
-    """Voltage that does not depend on current beyond the edges: the fit is refused and said so."""
+    """Voltage that does not depend on current beyond the edges: the fit is refused."""
     samples = outside_long_charges(log_of(simulate(EVEN, 500).samples), CAPACITY_AH)
     assert fit_voltage(samples._replace(voltage_V=12.0 - 0.05 * samples.current_A)) is None
 
@@ -191,19 +184,13 @@ def test_an_hour_of_driving_shows_the_four_numbers_within_1_percent(circuit, dt_
     np.testing.assert_allclose(four_numbers(found.model), four_numbers(circuit), rtol=0.01)
     assert rc.instant_resistance(found.rule) == pytest.approx(rc.instant_resistance(circuit), rel=0.02)
     assert not found.tau.found
-    assert any("tau by the rule" in sentence for sentence in found.not_identified)
-    assert found.fit is not None
-    assert found.fit.rms_V < found.rule_rms_V
 
 
 def test_samples_slower_than_the_relaxation_leave_the_resistances():
-    """A minute between samples: R_0 and R_1 together are right, and what is not seen is said."""
+    """A minute between samples: R_0 and R_1 together are right."""
     run = simulate(EVEN, 600, 0, dt_s=60.0, voltage_std_V=0.002, current_std_A=0.02)
     found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
     assert rc_circuit.dc_resistance(found.model) == pytest.approx(rc_circuit.dc_resistance(EVEN), rel=0.15)
-    said = " ".join(found.not_identified)
-    assert "R_total by the rule: the log shows the voltage only 60 s after an edge" in said
-    assert "the time constant: shorter than the 60 s between two samples" in said
 
 
 def test_without_a_curve_its_bend_is_not_taken_for_a_slow_relaxation():
@@ -217,20 +204,12 @@ def test_without_a_curve_its_bend_is_not_taken_for_a_slow_relaxation():
     np.testing.assert_allclose(four_numbers(found.model)[1:], four_numbers(EVEN)[1:], rtol=0.1)
 
 
-def test_the_longest_time_constant_is_no_finding():
-    slow = rc.Circuit(17_000.0, 8_000.0, 0.2, 0.03, 0.02)
-    log = log_of(simulate(slow, 6000, 3).samples)
-    found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
-    assert any("s is the longest that was looked for" in sentence for sentence in found.not_identified)
-
-
 def test_a_relaxation_that_explains_next_to_nothing_is_none():
     """White noise of the size of the drop: an exponential always explains a little of it."""
     run = simulate(EVEN, 400, 1, dt_s=60.0, voltage_std_V=0.3)
     found = identify_rc(log_of(run.samples), LINE, CAPACITY_AH, start_soc=1.0)
     assert found.fit is not None
     assert found.fit.r1_ohm == 0.0
-    assert any("the relaxation: the log shows no exponential" in sentence for sentence in found.not_identified)
 
 
 @pytest.mark.parametrize(
