@@ -1,8 +1,9 @@
 """Set-points of slip: the one for the largest force, and the one for the least energy, which is smaller.
 
-`peak` and `best_slip` find them where the law of the ground is known, `SetPointSeeker` while driving. The share of the
-wheel's power that moves the robot against a load is (1 - lambda) (1 - R/F), with the wheel's rolling resistance R. More
-slip gives more force and wastes more of it, so the best slip lies below the peak.
+Where the law of the ground is known, the first is its own (`Burckhardt.peak_slip_ratio`) and `best_slip` finds the
+second; `SetPointSeeker` finds either while driving. The share of the wheel's power that moves the robot against a load
+is (1 - lambda) (1 - R/F), with the wheel's rolling resistance R. More slip gives more force and wastes more of it, so
+the best slip lies below the peak.
 """
 
 from __future__ import annotations
@@ -24,14 +25,6 @@ _LARGEST_SLIP_RATIO = 0.999
 _GOLDEN = (5**0.5 - 1) / 2
 
 
-class Peak(NamedTuple):
-    """Largest force of the ground, and the slip of it."""
-
-    slip_ratio: float
-    slip_speed_m_s: float
-    force_N: float
-
-
 class BestSlip(NamedTuple):
     """Slip of the least energy, the force there, and the share of the wheel's power that moves the robot."""
 
@@ -40,20 +33,14 @@ class BestSlip(NamedTuple):
     efficiency: float
 
 
-def peak(law: TractionLaw, load_N: float, travel_speed_m_s: float) -> Peak:
-    """The largest force of a driving wheel at this travel speed; at the end of the range where a law has no peak."""
-    _check(load_N, travel_speed_m_s)
-    slip, force_N = maximize(lambda slip: driving_force(law, slip, load_N, travel_speed_m_s))
-    return Peak(slip, travel_speed_m_s * slip / (1 - slip), force_N)
-
-
 def best_slip(law: TractionLaw, load_N: float, resistance_N: float, travel_speed_m_s: float) -> BestSlip:
     """The slip at which a driving wheel turns the largest share of its power into pull.
 
     Raises:
         InputError: the ground cannot give the force to overcome the resistance.
     """
-    _check(load_N, travel_speed_m_s)
+    require_positive("load_N", load_N)
+    require_positive("travel_speed_m_s", travel_speed_m_s)
     require_between("resistance_N", resistance_N, 0.0, np.inf)
 
     def efficiency(slip: Any) -> Any:
@@ -81,11 +68,6 @@ def maximize(f: Callable[[Any], Any]) -> tuple[float, float]:
         inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         low, high = (low, outer) if f(inner) >= f(outer) else (inner, high)
     return float(low), float(f(low))
-
-
-def _check(load_N: float, travel_speed_m_s: float) -> None:
-    require_positive("load_N", load_N)
-    require_positive("travel_speed_m_s", travel_speed_m_s)
 
 
 OBJECTIVES = ("traction", "energy")

@@ -5,28 +5,8 @@ from scipy.optimize import minimize_scalar
 from ohmward.errors import InputError
 from ohmward.traction.friction.law import CoulombCreep, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS
-from ohmward_lab.traction.set_points import best_slip, driving_force, peak
+from ohmward_lab.traction.set_points import best_slip, driving_force, maximize
 from traction.examples import LAWS, LOAD_N
-
-
-@pytest.mark.parametrize("name", [n for n in ROADS if ROADS[n].c3 > 0])
-def test_the_peak_of_a_road_is_the_closed_form(name):
-    found = peak(ROADS[name], LOAD_N, 0.5)
-    assert found.slip_ratio == pytest.approx(ROADS[name].peak_slip_ratio, abs=1e-6)
-    assert found.force_N == pytest.approx(LOAD_N * ROADS[name].peak_adhesion)
-    assert found.slip_speed_m_s == pytest.approx(0.5 * found.slip_ratio / (1 - found.slip_ratio))
-
-
-@pytest.mark.parametrize("speed", [0.1, 0.5, 2.0])
-def test_the_peak_in_slip_speed_is_the_closed_form(speed):
-    law = WardIagnemma.with_peak(0.8, 0.5, 0.07)
-    found = peak(law, LOAD_N, speed)
-    assert found.slip_speed_m_s == pytest.approx(0.07, rel=1e-5)
-    assert found.force_N == pytest.approx(80.0)
-
-
-def test_where_nothing_falls_the_peak_is_at_full_slip():
-    assert peak(WardIagnemma(0.7, 2.0), LOAD_N, 0.1).slip_ratio > 0.99
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -45,7 +25,7 @@ def test_the_best_slip_is_the_one_that_scipy_finds(name):
 def test_the_best_slip_lies_below_the_peak_and_grows_with_the_resistance(name):
     slips = [best_slip(LAWS[name], LOAD_N, resistance, 0.5).slip_ratio for resistance in (1.0, 3.0, 9.0)]
     assert slips == sorted(slips)
-    assert slips[-1] < peak(LAWS[name], LOAD_N, 0.5).slip_ratio
+    assert slips[-1] < maximize(lambda slip: driving_force(LAWS[name], slip, LOAD_N, 0.5))[0]
 
 
 def test_where_the_force_is_proportional_to_slip_speed_it_is_a_quadratic_equation():
@@ -65,6 +45,6 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match=r"resistance_N must be below what the ground gives \(.* N\), got 80"):
         best_slip(WardIagnemma(0.2, 20.0), LOAD_N, 80.0, 0.5)
     with pytest.raises(InputError, match="load_N must be > 0"):
-        peak(WardIagnemma(0.2, 20.0), 0.0, 0.5)
+        best_slip(WardIagnemma(0.2, 20.0), 0.0, 1.0, 0.5)
     with pytest.raises(InputError, match="travel_speed_m_s must be > 0"):
-        peak(WardIagnemma(0.2, 20.0), 100.0, -0.5)
+        best_slip(WardIagnemma(0.2, 20.0), 100.0, 1.0, -0.5)
