@@ -15,12 +15,11 @@ chatters, and slip follows torque 0.1 s late. The smallest d that MuJoCo takes m
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ohmward.checks import (
     require_between,
@@ -53,70 +52,59 @@ class Ground:
     grade_rad: Callable[[float, np.ndarray], float]
 
 
-def uniform(friction: ArrayLike, grade_rad: float = 0.0) -> Ground:
-    """Ground that is the same everywhere and always; friction: a number, or (4,), one for each wheel.
+def uniform(friction: float, grade_rad: float = 0.0) -> Ground:
+    """Ground that is the same everywhere and always.
 
     Raises:
         InputError: a value out of its range.
     """
-    return switching((), np.asarray(friction, dtype=float)[None], grade_rad)
+    return zones((), (friction,), grade_rad)
 
 
-def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Ground:
-    """Ground that changes at the times (K,) [s], under all wheels at once.
+def switching(time_s: Sequence[float], friction: Sequence[float]) -> Ground:
+    """Level ground that changes at the times (K,) [s], under all wheels at once.
 
-    friction: (K + 1,) before, between and after the times, or (K + 1, 4) for each wheel.
-    grade_rad: a number, or (K + 1,).
+    friction: (K + 1,) before, between and after the times.
 
     Raises:
         InputError: times that do not increase, a wrong number of values, a value out of its range.
     """
-    times = _increasing("time_s", time_s)
-    mu, grade = _pieces(times, friction, grade_rad)
-
-    def now(t: float) -> int:
-        return int(times.searchsorted(t, side="right"))
-
-    return Ground(lambda t, _: mu[now(t)], lambda t, _: grade[now(t)])
+    times, mu, _ = _pieces("time_s", time_s, friction, 0.0)
+    return Ground(lambda t, _: mu[times.searchsorted(t, side="right")], lambda *_: 0.0)
 
 
-def zones(edge_m: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Ground:
+def zones(edge_m: Sequence[float], friction: Sequence[float], grade_rad: float | Sequence[float] = 0.0) -> Ground:
     """Ground that changes at the lines x = edge_m (K,) [m], under each wheel as it crosses them.
 
-    friction: (K + 1,) from the lowest x to the highest, or (K + 1, 4) for each wheel.
+    friction: (K + 1,) from the lowest x to the highest.
     grade_rad: a number, or (K + 1,); it changes as the robot's centre crosses them.
 
     Raises:
         InputError: edges that do not increase, a wrong number of values, a value out of its range.
     """
-    edges = _increasing("edge_m", edge_m)
-    mu, grade = _pieces(edges, friction, grade_rad)
-    wheels = np.arange(4)
+    edges, mu, grade = _pieces("edge_m", edge_m, friction, grade_rad)
     return Ground(
-        lambda _, position_m: mu[edges.searchsorted(position_m[:, 0], side="right"), wheels],
+        lambda _, position_m: mu[edges.searchsorted(position_m[:, 0], side="right")],
         lambda _, position_m: grade[edges.searchsorted(position_m[0], side="right")],
     )
 
 
-def _increasing(name: str, values: ArrayLike) -> np.ndarray:
-    array = np.asarray(values, dtype=float)
-    require_finite(name, array.ravel().tolist())
-    if array.ndim != 1 or np.any(np.diff(array) <= 0):
-        raise InputError(f"{name} must be a list that increases strictly, got {array.tolist()}")
-    return array
-
-
-def _pieces(edges: np.ndarray, friction: ArrayLike, grade_rad: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Adhesion (K + 1, 4) and grade (K + 1,) between the edges (K,)."""
-    mu, grade = np.asarray(friction, dtype=float), np.asarray(grade_rad, dtype=float)
-    count = edges.size + 1
-    if mu.shape not in ((count,), (count, 4)):
-        raise InputError(f"friction must be ({count},) or ({count}, 4), one piece more than edges, got {mu.shape}")
+def _pieces(
+    name: str, edges: Sequence[float], friction: Sequence[float], grade_rad: float | Sequence[float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges (K,), and adhesion and grade (K + 1,) between them."""
+    at, mu, grade = (np.asarray(values, dtype=float) for values in (edges, friction, grade_rad))
+    require_finite(name, at.ravel().tolist())
+    if at.ndim != 1 or np.any(np.diff(at) <= 0):
+        raise InputError(f"{name} must be a list that increases strictly, got {at.tolist()}")
+    count = at.size + 1
+    if mu.shape != (count,):
+        raise InputError(f"friction must be ({count},), one piece more than edges, got {mu.shape}")
     if grade.shape not in ((), (count,)):
         raise InputError(f"grade_rad must be a number or ({count},), one piece more than edges, got {grade.shape}")
-    require_between("friction", mu.ravel().tolist(), 1e-3, ROUGHEST)
+    require_between("friction", mu.tolist(), 1e-3, ROUGHEST)
     require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_GRADE_RAD, STEEPEST_GRADE_RAD)
-    return np.broadcast_to(mu.reshape(count, -1), (count, 4)), np.broadcast_to(grade, count)
+    return at, mu, np.broadcast_to(grade, count)
 
 
 FRONT = (0, 1)
