@@ -18,7 +18,7 @@ from ohmward.battery.identification import identify
 from ohmward.battery.identification.record import count_charge
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs import Log, read_log
-from ohmward_lab.reproduce.measured import first_soc, gitt_voltage
+from ohmward_lab.reproduce.measured import by_soc, first_soc, gitt_voltage
 
 HOUR = 3600.0
 A123_AH, PANASONIC_AH, ORNL_AH, VRLA_AH, I3_AH, NASA_AH = 2.03, 2.9, 30.34, 19.5, 61.7, 2.0
@@ -184,8 +184,7 @@ def tue_ocv(cell: str) -> OcvCurve:
 
 def tue_table(file: str) -> np.ndarray:
     """Columns of one of the authors' tables, sorted by state of charge."""
-    table = np.loadtxt(data_file(f"tue_cells/{file}"), delimiter=",", skiprows=1)
-    return table[np.argsort(table[:, 0])]
+    return by_soc(data_file(f"tue_cells/{file}"))
 
 
 def _floats(table: parquet.Table, column: str) -> np.ndarray:

@@ -76,9 +76,9 @@ def measured(k: int, t: float) -> Iterator[dict[str, float]]:
         yield {"battery_current_A": current_A, "battery_voltage_V": 13.2 + 0.03 * current_A}
 
 
-def resident_MB() -> float:
-    """Memory of this process that is resident."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+def resident_MB(process: int | str = "self") -> float:
+    """Memory of a process, by default of this one, that is resident."""
+    pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 

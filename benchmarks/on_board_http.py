@@ -10,18 +10,17 @@ import asyncio
 import logging
 import os
 import random
-import resource
 import subprocess
 import sys
 import time
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.sinks.page import PageSink
+from on_board_day import resident_MB
 from on_board_fuzz import Fuzzed, damaged
 
 TOKEN = "a token of the robot"
@@ -128,7 +127,7 @@ class Clients:
                 status = b""
             self.answers_s.append(time.monotonic() - from_s if status == b"200" else float("inf"))
         if self.sent >= _WARM or not self.memory_MB:
-            self.memory_MB.append(memory_MB(self.process))
+            self.memory_MB.append(resident_MB(self.process))
 
 
 async def asked(port: int) -> bytes:
@@ -138,11 +137,6 @@ async def asked(port: int) -> bytes:
     answer = await reader.read()
     writer.close()
     return answer[9:12]
-
-
-def memory_MB(process: int) -> float:
-    """Memory of a process that is resident."""
-    return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
 def fuzz_http(inputs: int, seed: int = 1) -> Fuzzed:

@@ -69,21 +69,13 @@ no state for the offset."""
 def drives() -> Iterator[tuple[str, list[Recording]]]:
     """Simulated drives by name."""
     seeds = range(FIRST_SEED, FIRST_SEED + RUNS)
-    truths = (stopping(own_plant(rng), OWN, rng) for rng in map(np.random.default_rng, seeds))
-    yield (
-        "stop and go, 100 m",
-        [measured(t, np.random.default_rng(s), 1024) for t, s in zip(truths, seeds, strict=True)],
-    )
-    truths = (driven(mujoco_plant(rng), MUJOCO, rng) for rng in map(np.random.default_rng, seeds))
-    yield (
-        "four fixed wheels, 50 m",
-        [measured(t, np.random.default_rng(s), 1024) for t, s in zip(truths, seeds, strict=True)],
-    )
-    truths = (driven(icy_plant(rng), OWN, rng) for rng in map(np.random.default_rng, seeds))
-    yield (
-        "one wheel on ice, 50 m",
-        [measured(t, np.random.default_rng(s), 1024) for t, s in zip(truths, seeds, strict=True)],
-    )
+    for name, way, plant, gains in (
+        ("stop and go, 100 m", stopping, own_plant, OWN),
+        ("four fixed wheels, 50 m", driven, mujoco_plant, MUJOCO),
+        ("one wheel on ice, 50 m", driven, icy_plant, OWN),
+    ):
+        truths = (way(plant(rng), gains, rng) for rng in map(np.random.default_rng, seeds))
+        yield name, [measured(t, np.random.default_rng(s), 1024) for t, s in zip(truths, seeds, strict=True)]
 
 
 def icy_plant(rng: np.random.Generator) -> TractionPlant:

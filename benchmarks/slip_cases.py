@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from figure import rms
 from ohmward.report import TIME, Figure, Series
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
 from ohmward_lab.simulate.mujoco_plant import RlmaPlant, switching
@@ -71,11 +72,6 @@ def case_rows() -> Iterator[str]:
             change = rms(np.diff(o.truth.torque_N_m[t > 0.5, 0]))
             source = "counts over 10 ms" if raw else "observer"
             yield f"| {case.name} | {source} | {first} | {rms(error[braking] - BRAKE):.4f} | {change:.3f} |"
-
-
-def rms(values: np.ndarray) -> float:
-    """Of the finite ones."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def figures(case: Case) -> Iterator[Figure]:

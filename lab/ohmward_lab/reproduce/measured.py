@@ -110,7 +110,7 @@ def _identified(folder: Path) -> Battery:
         capacity_Ah=_scalars(folder, _CELL, _IDENTIFIES)["battery_capacity"] / SECONDS_PER_HOUR,
         chemistry="nmc",
         initial_soc={log.name: first_soc(folder, _CELL, _IDENTIFIES)},
-        ocv=OcvCurve(gitt_voltage(ocv_table(folder, _CELL), _GRID)),
+        ocv=OcvCurve(gitt_voltage(by_soc(folder / f"ocv_{_CELL}_gitt_data.csv"), _GRID)),
     )
 
 
@@ -130,9 +130,9 @@ def _scalars(folder: Path, cell: str, test: str) -> dict[str, float]:
     return {name: float(value) for name, value in ast.literal_eval(found[cell, test]).items()}
 
 
-def ocv_table(folder: Path, cell: str) -> np.ndarray:
-    """Open-circuit voltage of a cell by titration (GITT): state of charge, voltage [V], sorted by the first."""
-    table = np.loadtxt(folder / f"ocv_{cell}_gitt_data.csv", delimiter=",", skiprows=1)
+def by_soc(file: Path) -> np.ndarray:
+    """Columns of one of the authors' tables, sorted by the first, the state of charge."""
+    table = np.loadtxt(file, delimiter=",", skiprows=1)
     return table[np.argsort(table[:, 0])]
 
 

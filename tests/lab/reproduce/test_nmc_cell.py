@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from needs import DATA, measured_file
-from ohmward_lab.reproduce.measured import FOLDER, first_soc, gitt_voltage, nmc_item, ocv_table
+from ohmward_lab.reproduce.measured import FOLDER, by_soc, first_soc, gitt_voltage, nmc_item
 
 
 def test_the_start_is_the_authors_and_full_where_they_give_none(tmp_path):
@@ -16,8 +16,9 @@ def test_the_start_is_the_authors_and_full_where_they_give_none(tmp_path):
 
 
 def test_the_open_circuit_voltage_is_sorted_and_rises(tmp_path):
-    (tmp_path / "ocv_nmc_gitt_data.csv").write_text("soc_values,voltage_values\n1.0,4.2\n0.0,3.0\n0.4,3.7\n0.6,3.6\n")
-    table = ocv_table(tmp_path, "nmc")
+    file = tmp_path / "ocv.csv"
+    file.write_text("soc_values,voltage_values\n1.0,4.2\n0.0,3.0\n0.4,3.7\n0.6,3.6\n")
+    table = by_soc(file)
     np.testing.assert_array_equal(table[:, 0], [0.0, 0.4, 0.6, 1.0])
     np.testing.assert_allclose(gitt_voltage(table, np.array([0.0, 0.2, 0.4, 0.6, 1.0])), [3.0, 3.35, 3.7, 3.7, 4.2])
 
