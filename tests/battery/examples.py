@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, Thevenin, next_state, voltage
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
+from ohmward.logs import Log
 from ohmward.trace import Kernel
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 GRID = np.linspace(0.0, 1.0, 101)
 
@@ -88,18 +91,36 @@ def drive(rng: np.random.Generator, steps: int, mean_A: float = -0.5, rest_every
 
 def simulate(model: Thevenin, current_A: np.ndarray, soc: float, dt_s: float = 1.0, hysteresis: float = 0.0) -> Truth:
     """The model itself, with a current that is linear between the samples as every estimator assumes."""
-    mean_A = 0.5 * (current_A + np.roll(current_A, 1))
-    dt = np.full(len(current_A), dt_s)
-    mean_A[0], dt[0] = 0.0, 0.0
+    time_s = dt_s * np.arange(len(current_A))
+    log = Log("truth", time_s, current_A, np.zeros(len(current_A)))
+    return Truth(time_s, current_A, *simulate_voltage(model, log, soc, hysteresis))
+
+
+def simulate_lives(
+    model: Thevenin,
+    current_A: np.ndarray,
+    capacity: np.ndarray,
+    ohmic: np.ndarray,
+    pairs: np.ndarray,
+    temperature_degC: float = 25.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """SoC and voltage (T, B) of cells under one current, 1 s apart, from 80 % after a discharge.
+
+    capacity, ohmic, pairs: (B,) ratios to the model's capacity, ohmic resistance and resistances of the pairs.
+    """
+    mean_A = np.concatenate([current_A[:1], 0.5 * (current_A[1:] + current_A[:-1])])
 
     def step(x, sample):
-        (mean, now, step_s) = sample
-        x = next_state(x, CircuitInput(mean, 25.0), model, step_s)
-        return x, (x[0], voltage(x, CircuitInput(now, 25.0), model)[0])
+        mean, now, capacity, ohmic, pairs = sample
+        x = next_state(x, CircuitInput(mean, temperature_degC), model, 1.0, StateOfHealth(capacity, pairs))
+        u = CircuitInput(now, temperature_degC)
+        return x, (x[0], voltage(x, u, model, StateOfHealth(resistance_ratio=ohmic))[0])
 
-    x = np.array([soc, *(0.0 for _ in range(model.pairs)), hysteresis])
-    _, (socs, voltages) = Kernel(step, x, (0.0, 0.0, 0.0)).scan(x, (mean_A, current_A, dt))
-    return Truth(dt_s * np.arange(len(socs)), current_A, socs, voltages)
+    T, B = len(current_A), len(pairs)
+    lanes = [np.broadcast_to(c[:, None], (T, B)) for c in (mean_A, current_A)]
+    lanes += [np.broadcast_to(c, (T, B)) for c in (capacity, ohmic, pairs)]
+    x = np.tile(np.array([0.8, *np.zeros(model.pairs), -1.0])[:, None], B)
+    return Kernel(step, x[:, 0], (0.0, 0.0, 1.0, 1.0, 1.0)).scan_lanes(x, tuple(lanes))[1]
 
 
 def samples(truth: Truth, offset_A: float = 0.0, noise: BatteryNoise | None = None, seed: int = 1) -> SocSample:
@@ -113,6 +134,20 @@ def samples(truth: Truth, offset_A: float = 0.0, noise: BatteryNoise | None = No
         truth.voltage_V + voltage_std_V * rng.standard_normal(count),
         np.full(count, 25.0),
     )
+
+
+def scan(
+    settings: Any,
+    columns: SocSample,
+    soc: float | None = None,
+    soc_std: float = INITIAL_SOC_STD,
+    state: Any = None,
+    lowering: str | None = None,
+) -> tuple[Any, Any]:
+    """Last state, and estimates (T,), of an estimator over columns (T,), from `state` or from its start at this SoC."""
+    first = row(columns, 0)
+    start = settings.init(first, soc, soc_std) if state is None else state
+    return kernel_of(settings, start, first, lowering=lowering).scan(start, columns)
 
 
 def row(columns: SocSample, k: int) -> SocSample:

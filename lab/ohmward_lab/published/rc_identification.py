@@ -38,7 +38,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.optional import require
-from ohmward_lab.published import rc, rc_circuit
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc import RcModel, circuit_by_rule, circuit_of
 
 #: Currents below this rate neither charge nor discharge.

@@ -11,9 +11,9 @@ import numpy as np
 from needs import measured_file
 from ohmward.battery import identification
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log, read_log
-from ohmward.trace import Kernel
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 RESISTANCE_GRID = np.linspace(0, 1, 21)
 OCV_GRID = np.linspace(0, 1, 201)
@@ -45,27 +45,10 @@ def play(
     seed: int = 0,
     name: str = "log",
 ) -> Log:
-    """What a logger would see of the cell, sample by sample with the model's own step, from rest at `soc`.
-
-    time_s, current_A: (T,); between samples the current is linear, as everywhere in this project.
-    """
-    dt_s = np.diff(time_s, prepend=time_s[0])
-    mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
-    _, seen_V = stepper(p).scan(np.array([soc, *np.zeros(p.pairs), 0.0]), (mean_A, current_A, dt_s))
+    """What a logger would see of the cell from rest at `soc`; time_s, current_A: (T,)."""
+    true_V = simulate_voltage(p, Log(name, time_s, current_A, np.zeros(time_s.size)), soc).voltage_V
     noise_V = np.random.default_rng(seed).normal(0.0, std_V, time_s.size) if std_V else 0.0
-    return Log(name, time_s, current_A, seen_V + noise_V)
-
-
-@cache
-def stepper(p: Thevenin) -> Kernel:
-    """The model's own step (state, (mean current, current, dt)) -> (state, voltage), compiled."""
-
-    def step(x: np.ndarray, sample: tuple) -> tuple:
-        mean_A, now_A, dt_s = sample
-        x = next_state(x, CircuitInput(mean_A, 25.0), p, dt_s)
-        return x, voltage(x, CircuitInput(now_A, 25.0), p)[0]
-
-    return Kernel(step, np.zeros(p.pairs + 2), (0.0, 0.0, 0.0))
+    return Log(name, time_s, current_A, true_V + noise_V)
 
 
 def steps(phases: Sequence[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.examples import NMC, STRAIGHT, row, samples, simulate
+from battery.examples import NMC, STRAIGHT, row, samples, scan, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
@@ -12,11 +12,6 @@ from ohmward.errors import InputError
 
 EXACT = BatteryNoise(capacity_std=0.0)
 QUIET = CurrentSensor(noise_std_A=0.0, offset_std_A=0.0, gain_std=0.0)
-
-
-def scan(estimator, columns, soc=None, soc_std=0.03):
-    state = estimator.init(row(columns, 0), soc, soc_std)
-    return kernel_of(estimator, state, row(columns, 0)).scan(state, columns)
 
 
 def constant(current_A, hours, dt_s=10.0, soc=1.0):

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from battery.examples import LFP, NMC, drive, row, samples, simulate
-from kernels import kernel_of
+from battery.examples import LFP, NMC, drive, samples, scan, simulate
 from ohmward import SocEstimator, generic_battery, make_robot_day
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
@@ -36,9 +35,7 @@ ESTIMATORS: dict[str, Estimator] = {
 
 def run(name, columns):
     """Estimates (T,) of the estimator of this name over columns (T,)."""
-    estimator = ESTIMATORS[name]
-    state = estimator.init(row(columns, 0), 0.9)
-    return kernel_of(estimator, state, row(columns, 0), lowering="machine").scan(state, columns)
+    return scan(ESTIMATORS[name], columns, 0.9, lowering="machine")
 
 
 def broken(where, **changes):
@@ -237,9 +234,7 @@ def test_after_an_hour_off_sigma_covers_what_may_have_happened(model, inside_A):
     keep = np.r_[0:1200, 4800:6000]
     columns = SocSample(*(column[keep] for column in samples(truth, 0.02, NOISE)))
     columns = columns._replace(dt_s=np.diff(truth.time_s[keep], prepend=0.0))
-    estimator = TheveninFilter(model, NOISE)
-    state = estimator.init(row(columns, 0), 0.8)
-    _, estimates = kernel_of(estimator, state, row(columns, 0)).scan(state, columns)
+    _, estimates = scan(TheveninFilter(model, NOISE), columns, 0.8)
     error = estimates.soc - truth.soc[keep]
     assert np.all(np.abs(error) < 3 * estimates.soc_std)
 

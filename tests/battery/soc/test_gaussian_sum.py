@@ -8,8 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
-from kernels import kernel_of
+from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, scan, simulate
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import (
@@ -28,12 +27,6 @@ NOISE = BatteryNoise(hysteresis_std=0.3, activation_std_K=500.0)
 #: Samples that are independent, and no error but that of the voltage.
 WHITE = replace(PLAIN, voltage_std_V=0.05, ocv_slip_std=0.0)
 EXACT = CurrentSensor(noise_std_A=0.0, offset_std_A=0.0, offset_walk_A=0.0, gain_std=0.0)
-
-
-def scan(settings, columns, soc=None, state=None):
-    """Last state, and estimates (T,) over columns (T,)."""
-    state = settings.init(row(columns, 0), soc) if state is None else state
-    return kernel_of(settings, state, row(columns, 0)).scan(state, columns)
 
 
 def drive_of(model, soc, steps=1500, seed=1, offset_A=0.03, noise=NOISE):

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.examples import GRID, LFP, NMC, drive, samples, simulate
-from kernels import kernel_of
+from battery.examples import GRID, LFP, NMC, drive, samples, scan, simulate, simulate_lives
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
-from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, voltage
+from ohmward.battery.models.thevenin import CircuitInput, voltage
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -25,22 +24,11 @@ DOUBTED = replace(TESTED, activation_std_K=1500.0)
 def cold_lives(rng, temperature_degC=COLD_DEGC):
     """Current (T,), SoC and voltage (T, LIVES) of cells whose activations differ from the file's by 1500 K each."""
     current_A = drive(rng, STEPS, -0.3)
-    mean_A = np.concatenate([current_A[:1], 0.5 * (current_A[1:] + current_A[:-1])])
     errors = 0.1 * rng.standard_normal((2, LIVES)) + 1500.0 * coldness_per_K(
         temperature_degC, NMC.reference_degC
     ) * rng.standard_normal((2, LIVES))
-
-    def step(x, sample):
-        mean, now, ohmic, pairs = sample
-        x = next_state(x, CircuitInput(mean, temperature_degC), NMC, 1.0, StateOfHealth(resistance_ratio=pairs))
-        u = CircuitInput(now, temperature_degC)
-        return x, (x[0], voltage(x, u, NMC, StateOfHealth(resistance_ratio=ohmic))[0])
-
-    lanes = [np.broadcast_to(c[:, None], (STEPS, LIVES)) for c in (mean_A, current_A)]
-    lanes += [np.broadcast_to(np.exp(e), (STEPS, LIVES)) for e in errors]
-    x = np.tile(np.array([0.8, 0.0, 0.0, -1.0])[:, None], LIVES)
-    _, (soc, voltage_V) = Kernel(step, x[:, 0], (0.0,) * 4).scan_lanes(x, tuple(lanes))
-    return current_A, soc, voltage_V
+    ohmic, pairs = np.exp(errors)
+    return current_A, *simulate_lives(NMC, current_A, np.ones(LIVES), ohmic, pairs, temperature_degC)
 
 
 AGED = replace(TESTED, resistance_std=0.3, capacity_std=0.1, ageing_correlation=0.95)
@@ -52,23 +40,12 @@ def aged_lives(rng):
     The capacity and the two resistances are drawn from the density that the filter begins with.
     """
     current_A = drive(rng, STEPS, -0.5)
-    mean_A = np.concatenate([current_A[:1], 0.5 * (current_A[1:] + current_A[:-1])])
     system = TheveninFilter(NMC, AGED).system
     names = [system.state_names.index(n) for n in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
     cov = system.start(0.8, 0.0, CircuitInput(0.0, 25.0)).cov[np.ix_(names, names)]
     loss, ohmic, pairs = rng.multivariate_normal(np.zeros(3), cov, LIVES).T
-
-    def step(x, sample):
-        mean, now, gain, ohmic, pairs = sample
-        soh = StateOfHealth(1.0 / gain, pairs)
-        x = next_state(x, CircuitInput(mean, 25.0), NMC, 1.0, soh)
-        return x, (x[0], voltage(x, CircuitInput(now, 25.0), NMC, StateOfHealth(resistance_ratio=ohmic))[0])
-
-    lanes = [np.broadcast_to(c[:, None], (STEPS, LIVES)) for c in (mean_A, current_A)]
-    lanes += [np.broadcast_to(c, (STEPS, LIVES)) for c in (1.0 + loss, np.exp(ohmic), np.exp(pairs))]
-    x = np.tile(np.array([0.8, 0.0, 0.0, -1.0])[:, None], LIVES)
-    _, (soc, voltage_V) = Kernel(step, x[:, 0], (0.0, 0.0, 1.0, 1.0, 1.0)).scan_lanes(x, tuple(lanes))
-    return (current_A, soc, voltage_V), 1.0 / (1.0 + loss)
+    capacity = 1.0 / (1.0 + loss)
+    return (current_A, *simulate_lives(NMC, current_A, capacity, np.exp(ohmic), np.exp(pairs))), capacity
 
 
 def test_resistance_tells_what_ageing_has_taken():
@@ -207,7 +184,7 @@ def test_the_size_of_the_hysteresis_is_learnt_from_both_directions():
     columns = samples(truth, 0.0, TESTED)
     doubting = TheveninFilter(LFP, replace(TESTED, hysteresis_std=0.6), idle_current_A=0.0)
     state = doubting.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.9)
-    last, estimates = kernel_of(doubting, state, SocSample(0.0, 0.0, 3.3, 25.0)).scan(state, columns)
+    last, estimates = scan(doubting, columns, state=state)
     ratio = np.exp(last.belief.mean[doubting.state_names.index("hysteresis_log_ratio")])
     assert 1.4 < ratio < 2.6
     assert np.mean(np.abs(estimates.soc - truth.soc) < 1.96 * estimates.soc_std) > 0.95
@@ -223,7 +200,7 @@ def test_the_voltage_lies_in_its_band():
         columns = samples(simulate(NMC, drive(rng, STEPS), 0.7), 0.0, BatteryNoise(), seed)
         columns = columns._replace(voltage_V=columns.voltage_V + error_V)
         state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.7)
-        _, estimates = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0)).scan(state, columns)
+        _, estimates = scan(settings, columns, state=state)
         spread.append(np.mean((estimates.innovation_V[600:] / estimates.voltage_std_V[600:]) ** 2))
     assert 0.3 < np.sqrt(np.mean(spread)) < 1.3
     assert np.all(estimates.voltage_std_V < 0.1)
@@ -248,7 +225,7 @@ def test_five_cycles_show_capacity_and_resistance_of_an_aged_battery():
     columns = samples(truth, 0.0, noise)
     settings = TheveninFilter(NMC, noise)
     state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.95)
-    _, estimates = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0)).scan(state, columns)
+    _, estimates = scan(settings, columns, state=state)
     assert estimates.soh_capacity[-1] == pytest.approx(0.8, abs=2.0 * estimates.soh_capacity_std[-1])
     assert estimates.soh_capacity_std[-1] < 0.025
     assert estimates.resistance_ratio[-1] == pytest.approx(1.5, rel=0.1)
@@ -270,8 +247,7 @@ def test_capacity_is_found_where_the_electrodes_have_slipped():
     for model in (file, NMC):
         settings = TheveninFilter(model, noise)
         state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.95)
-        kernel = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0))
-        found[model.ocv_slip] = kernel.scan(state, samples(truth, 0.0, noise))[1]
+        found[model.ocv_slip] = scan(settings, samples(truth, 0.0, noise), state=state)[1]
     last = slice(-cycle.size, None)
     assert found[0.45].soh_capacity[-1] == pytest.approx(0.8, rel=0.03)
     errors = {slip: found[slip].soc[last] - truth.soc[last] for slip in found}
@@ -287,5 +263,4 @@ def test_an_unknown_state_is_found_where_the_curve_bends():
     truth = simulate(model, np.zeros(3600), 1.0)
     settings = TheveninFilter(model, BatteryNoise())
     state = settings.start(SocSample(0.0, 0.0, np.nan, 25.0), 0.86, 0.5)
-    kernel = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0))
-    assert kernel.scan(state, samples(truth))[1].soc[-1] > 0.97
+    assert scan(settings, samples(truth), state=state)[1].soc[-1] > 0.97

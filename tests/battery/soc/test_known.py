@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.examples import LFP, NMC, drive, row, samples, simulate
+from battery.examples import LFP, NMC, drive, samples, scan, simulate, simulate_lives
 from kernels import kernel_of
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
-from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, ohmic_resistance, voltage
+from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.battery.models.thevenin import pair_resistances as pair_ohms
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
@@ -20,7 +20,6 @@ from ohmward.battery.soc.sample import STD_OF, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.consistency import BAND_95
-from ohmward.trace import Kernel
 
 NOISE = BatteryNoise(capacity_std=0.1, resistance_std=0.25)
 SENSOR = CurrentSensor(offset_std_A=0.05, gain_std=0.02)
@@ -136,8 +135,7 @@ def test_hypotheses_that_are_sure_and_contradict_each_other_are_not_sure_togethe
 @pytest.mark.parametrize("settings", [TheveninFilter(NMC, NOISE), GaussianSumFilter(TheveninFilter(NMC, NOISE))])
 def test_a_charge_that_is_told_changes_them_as_it_changes_the_state(settings):
     columns = samples(simulate(NMC, drive(np.random.default_rng(3), 900), 0.7), 0.03, NOISE)
-    state = settings.init(row(columns, 0), 0.6, 0.1)
-    state, estimates = kernel_of(settings, state, row(columns, 0)).scan(state, columns)
+    state, estimates = scan(settings, columns, 0.6, 0.1)
     last = type(estimates)(*(float(column[-1]) for column in estimates))
     after, told = correct_soc(settings, state, last, SocNormal(0.68, 0.01))
     belief = unpack((settings.merged(after) if hasattr(settings, "merged") else after).belief)
@@ -171,17 +169,7 @@ def lives(model, rng):
     common, own = rng.standard_normal((2, LIVES))
     logs = NOISE.resistance_std * np.array([common, 0.7 * common + math.sqrt(1 - 0.7**2) * own])
     true_A = np.where(np.arange(STEPS) % 7200 < 3600, -0.6, 0.55) + drive(rng, STEPS, 0.0)
-    mean_A = np.concatenate([true_A[:1], 0.5 * (true_A[1:] + true_A[:-1])])
-
-    def step(x, sample):
-        mean, now, soh, ohmic, pair = sample
-        x = next_state(x, CircuitInput(mean, 25.0), model, 1.0, StateOfHealth(soh, pair))
-        return x, (x[0], voltage(x, CircuitInput(now, 25.0), model, StateOfHealth(resistance_ratio=ohmic))[0])
-
-    each = [np.broadcast_to(c[:, None], (STEPS, LIVES)) for c in (mean_A, true_A)]
-    each += [np.broadcast_to(c, (STEPS, LIVES)) for c in (capacity, *np.exp(logs))]
-    x = np.tile(np.array([0.8, 0.0, 0.0, -1.0])[:, None], LIVES)
-    _, (soc, voltage_V) = Kernel(step, x[:, 0], (0.0,) * 5).scan_lanes(x, tuple(each))
+    soc, voltage_V = simulate_lives(model, true_A, capacity, *np.exp(logs))
     noise_A, noise_V = rng.standard_normal((2, STEPS, LIVES))
     measured_A = gain * true_A[:, None] + offset_A + SENSOR.noise_std_A * noise_A
     measured_V = voltage_V + NOISE.voltage_std_V * noise_V

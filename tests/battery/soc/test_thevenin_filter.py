@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
-from kernels import kernel_of
+from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, scan, simulate
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
@@ -22,12 +21,6 @@ from ohmward.trace import linearize
 METHODS = ["ekf", "ukf"]
 NOISE = BatteryNoise()
 STEADY = CurrentSensor(offset_std_A=0.0, offset_walk_A=0.0, gain_std=0.0)
-
-
-def scan(settings, columns, soc=None, soc_std=0.03):
-    """Last state, and estimates (T,) of an estimator over columns (T,)."""
-    state = settings.init(row(columns, 0), soc, soc_std)
-    return kernel_of(settings, state, row(columns, 0)).scan(state, columns)
 
 
 def test_reduces_to_a_kalman_filter_written_by_hand():

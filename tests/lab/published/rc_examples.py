@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from needs import measured_file
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
-from ohmward.logs import Log, read_log
+from ohmward.logs import Log
 from ohmward_lab.published import rc, rc_circuit
 
 #: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.
@@ -101,11 +100,6 @@ def scaled(circuit: rc.Circuit, share: float) -> rc.Circuit:
     return rc.Circuit(*circuit[:2], *(share * r for r in circuit[2:]))
 
 
-def row(samples: SocSample, k: int) -> SocSample:
-    """Sample k of columns (T,)."""
-    return SocSample(*(float(c[k]) for c in samples))
-
-
 def log_of(samples: SocSample) -> Log:
     """The samples as a log."""
     return Log("simulated", np.cumsum(samples.dt_s), samples.current_A, samples.voltage_V)
@@ -114,8 +108,3 @@ def log_of(samples: SocSample) -> Log:
 def lanes(runs: list[Truth]) -> SocSample:
     """The samples of several runs side by side, (T, B) each."""
     return SocSample(*(np.stack(columns, axis=1) for columns in zip(*(run.samples for run in runs), strict=True)))
-
-
-def measured_log(path: str, **options) -> Log:
-    """A measured log, or a skipped test where the data is not there."""
-    return read_log(measured_file(path), **options)

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from battery.examples import NMC, drive, samples, simulate
-from kernels import kernel_of
+from battery.examples import NMC, drive, samples, scan, simulate
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -15,11 +14,6 @@ from ohmward_lab.published.rc_filter import RcFilter
 NOISE = BatteryNoise()
 CAPACITANCE_F = rc_circuit.capacitance_for(NMC.capacity_Ah, NMC.ocv)
 RC = RcModel(0.97 * CAPACITANCE_F, 0.03 * CAPACITANCE_F, 0.03, 0.03, 0.06, NMC.ocv, NMC.capacity_Ah)
-
-
-def run(estimator, columns, soc):
-    state = estimator.init(SocSample(*(float(c[0]) for c in columns)), soc)
-    return kernel_of(estimator, state, SocSample(0.0, 0.0, 0.0, 0.0)).scan(state, columns)
 
 
 def test_the_surer_of_two_is_taken_whole_and_moves_what_is_correlated():
@@ -43,10 +37,9 @@ def test_without_a_rest_it_is_the_thevenin_filter():
     truth = simulate(NMC, np.full(600, -1.0), 0.8)
     columns = samples(truth, 0.0, NOISE)
     thevenin = TheveninFilter(NMC, NOISE)
-    start = thevenin.init(SocSample(*(float(c[0]) for c in columns)), 0.8)
-    _, alone = kernel_of(thevenin, start, SocSample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
+    _, alone = scan(thevenin, columns, 0.8)
     unsure = BatteryNoise(model_std_V=(0.2, 0.2))
-    _, both = run(Hybrid(thevenin, RcFilter(RC, unsure, soc_as="curve")), columns, 0.8)
+    _, both = scan(Hybrid(thevenin, RcFilter(RC, unsure, soc_as="curve")), columns, 0.8)
     assert both.soc == pytest.approx(alone.soc, abs=1e-12)
     assert both.soc_std == pytest.approx(alone.soc_std, abs=1e-12)
 
@@ -56,7 +49,7 @@ def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
     columns = samples(simulate(NMC, current_A, 0.8), 0.0, NOISE)
     unsure, sensor = BatteryNoise(model_std_V=(0.3, 0.3), capacity_std=0.1), CurrentSensor(offset_std_A=0.5)
     hybrid = Hybrid(TheveninFilter(NMC, unsure, sensor), RcFilter(RC, NOISE, soc_as="curve"))
-    _, estimates = run(hybrid, columns, 0.8)
+    _, estimates = scan(hybrid, columns, 0.8)
     corrections = np.flatnonzero(estimates.flags.astype(int) & SocFlag.REST)
     assert len(corrections) == 1
     assert corrections[0] == pytest.approx(1200 + hybrid.settle_s, abs=2)
@@ -65,7 +58,7 @@ def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
 
 def test_it_finds_the_truth_from_a_wrong_start():
     truth = simulate(NMC, drive(np.random.default_rng(2), 5400, mean_A=-0.3), 0.85)
-    _, estimates = run(
+    _, estimates = scan(
         Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, soc_as="curve")), samples(truth, 0.03, NOISE), 0.4
     )
     assert abs(estimates.soc[-1] - truth.soc[-1]) < 0.02

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from kernels import kernel_of as compiled
+from battery.examples import row, scan
+from battery.identification.examples import measured
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
@@ -18,7 +19,6 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
-from ohmward.trace import Kernel
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import (
     BULK,
@@ -32,7 +32,7 @@ from ohmward_lab.published.rc_filter import (
 )
 from ohmward_lab.published.rc_identification import identify_rc
 from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
-from published.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
+from published.rc_examples import EVEN, UNEVEN, log_of, model_of, simulate
 
 NAN = math.nan
 MODEL = model_of(EVEN)
@@ -58,18 +58,6 @@ def simulated(seed=0, count=1500, **options):
     return simulate(EVEN, count, seed, voltage_std_V=0.002, current_std_A=0.02, **options)
 
 
-@cache
-def kernel_of(name):
-    estimator = ESTIMATORS[name]
-    first = SocSample(0.0, 0.0, 12.5, NAN)
-    return Kernel(estimator.step, estimator.init(first), first)
-
-
-def kernels(filter_, state):
-    """Compiled step of a filter."""
-    return compiled(filter_, state, SocSample(0.0, 0.0, 12.5, 25.0))
-
-
 def cleaned(dt_s):
     """A step at a steady ampere."""
     return sanitize(SocSample(dt_s, 1.0, 12.0, NAN), CircuitInput(1.0, 25.0), SampleLimits(600.0))
@@ -77,7 +65,7 @@ def cleaned(dt_s):
 
 def estimated(name, samples, soc=None, soc_std=0.03):
     """Estimates (T,) of one log."""
-    return kernel_of(name).scan(ESTIMATORS[name].init(row(samples, 0), soc, soc_std), samples)[1]
+    return scan(ESTIMATORS[name], samples, soc, soc_std)[1]
 
 
 @ALL
@@ -203,8 +191,7 @@ def test_the_band_covers_a_population_in_the_cold():
         run = simulate(circuit, 3000, seed, voltage_std_V=0.002, current_std_A=0.02, soc=0.9)
         samples = run.samples._replace(temperature_degC=np.full(3000, -10.0))
         for filter_, found in errors.items():
-            state = filter_.init(row(samples, 0), None)
-            estimates = kernels(filter_, state).scan(state, samples)[1]
+            _, estimates = scan(filter_, samples)
             found.append(((estimates.soc - run.soc) / estimates.soc_std)[600:])
     z = {filter_: np.concatenate(found) for filter_, found in errors.items()}
     assert np.mean(np.abs(z[honest]) < 1.96) > 0.9
@@ -305,7 +292,7 @@ def test_scheme_survives_a_joint_filter_that_has_diverged():
     state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
     assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
     assert (estimate.soh_capacity, estimate.resistance_ratio) == (1.0, 1.0)
-    _, found = kernel_of("scheme").scan(state, SocSample(*(c[1:] for c in run.samples)))
+    _, found = scan(scheme, SocSample(*(c[1:] for c in run.samples)), state=state)
     assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
 
 
@@ -391,7 +378,7 @@ LEAD_ACID_AH = 19.7
 
 @pytest.fixture(scope="module")
 def lead_acid():
-    return measured_log("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
+    return measured("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
 
 
 def make(kind, found):
@@ -415,8 +402,8 @@ def test_lead_acid_telemetry(lead_acid, name, initial_soc, first_h):
 
 def test_iron_phosphate_is_survived_and_its_sigma_says_so():
     """A plateau tells a linear model next to nothing: the error is large, and the sigma is too."""
-    dynamic = measured_log("plett_a123_lfp/a123_dyn.parquet", where={"temp_C": 25, "script": 1})
-    slow = [measured_log("plett_a123_lfp/a123_ocv.parquet", where={"temp_C": 25, "script": s}) for s in (1, 3)]
+    dynamic = measured("plett_a123_lfp/a123_dyn.parquet", where={"temp_C": 25, "script": 1})
+    slow = [measured("plett_a123_lfp/a123_ocv.parquet", where={"temp_C": 25, "script": s}) for s in (1, 3)]
     soc = 1 - (dynamic.extra["dis_Ah"] - dynamic.extra["chg_Ah"]) / 2.03
     half = dynamic.select(slice(0, len(dynamic) // 2))
     found = identify_rc(half, mean_curve(*slow), 2.03, start_soc=1.0)

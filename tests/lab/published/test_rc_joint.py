@@ -3,19 +3,19 @@
 import math
 import time
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
+from battery.examples import row, scan
+from kernels import kernel_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.trace import Kernel
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_joint import PARAMETERS, Nominal, RcJoint
-from published.rc_examples import EVEN, lanes, row, simulate
+from published.rc_examples import EVEN, lanes, simulate
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 WRONG = Nominal(1.8 * TRUE.c_bulk_F, 0.5 * TRUE.c_surface_F, 1.6 * TRUE.r_ohm, 0.5 * TRUE.r_terminal_ohm)
@@ -31,21 +31,17 @@ def runs():
     return [simulate(EVEN, LENGTH, seed, **SENSORS) for seed in range(RUNS)]
 
 
-@cache
-def kernel_of(joint):
-    return Kernel(joint.step, joint.init(SocSample(0.0, 0.0, 12.5, NAN)), SocSample(0.0, 0.0, 0.0, 0.0))
-
-
 def scanned(joint, samples):
     """State at the end and estimates (T,) of one log."""
-    return kernel_of(joint).scan(joint.init(row(samples, 0)), samples)
+    return scan(joint, samples, state=joint.init(row(samples, 0)))
 
 
 @pytest.fixture(scope="module")
 def found(runs):
     """State at the end and estimates (T, B) of all runs, by settings."""
-    start = {joint: joint.init(row(runs[0].samples, 0)) for joint in (SEVEN, SIX)}
-    return {joint: kernel_of(joint).scan_lanes(start[joint], lanes(runs)) for joint in (SEVEN, SIX)}
+    first = row(runs[0].samples, 0)
+    start = {joint: joint.init(first) for joint in (SEVEN, SIX)}
+    return {joint: kernel_of(joint, start[joint], first).scan_lanes(start[joint], lanes(runs)) for joint in start}
 
 
 def true_state(nominal, run):
@@ -102,7 +98,7 @@ def test_sigma_is_exact_when_the_noise_is_known_and_the_start_is_near():
         drawn = TRUE.c_bulk_F * np.exp(logs[0]), TRUE.c_surface_F * np.exp(logs[1]), r_ohm, r_ohm, r_terminal_ohm
         run = simulate(rc.Circuit(*drawn), 400, seed, voltage_std_V=0.002)
         level_V = float(run.states[0, 0] + spread * rng.standard_normal())
-        end, _ = kernel_of(joint).scan(joint.init(row(run.samples, 0), bulk_V=level_V, bulk_std_V=spread), run.samples)
+        end, _ = scan(joint, run.samples, state=joint.init(row(run.samples, 0), bulk_V=level_V, bulk_std_V=spread))
         mean, cov = unpack(end.belief)
         values.append(consistency.nees(Belief(mean[:PARAMETERS], cov[:PARAMETERS, :PARAMETERS]), logs))
     low, high = consistency.mean_bounds(PARAMETERS, len(values), 0.999)
@@ -176,7 +172,7 @@ def test_traced_step_is_the_step(joint, runs):
 def test_lanes_are_scans(joint, found, runs):
     end, _ = found[joint]
     for b, run in enumerate(runs[:2]):
-        alone, _ = kernel_of(joint).scan(joint.init(row(runs[0].samples, 0)), run.samples)
+        alone, _ = scan(joint, run.samples, state=joint.init(row(runs[0].samples, 0)))
         np.testing.assert_allclose(end.belief.mean[:, b], alone.belief.mean, rtol=0, atol=1e-8)
 
 
@@ -227,7 +223,7 @@ def test_lost_belief_starts_again(joint, runs):
     broken = Belief(np.full(len(joint.state_names), np.nan), np.full((len(joint.state_names),) * 2, np.nan))
     state, estimate = joint.step(state._replace(belief=pack(broken)), row(samples, 200))
     assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
-    _, found = kernel_of(joint).scan(state, SocSample(*(c[201:] for c in samples)))
+    _, found = scan(joint, SocSample(*(c[201:] for c in samples)), state=state)
     assert found.circuit.r_terminal_ohm[-1] == pytest.approx(EVEN.r_terminal_ohm, rel=0.2)
 
 
@@ -270,7 +266,9 @@ def test_names_belong_to_the_state():
 @pytest.mark.slow
 def test_speed(runs):
     """Generous: several times what one quiet core needs (16 us and 670 ns)."""
-    start, kernel = SEVEN.init(row(runs[0].samples, 0)), kernel_of(SEVEN)
+    first = row(runs[0].samples, 0)
+    start = SEVEN.init(first)
+    kernel = kernel_of(SEVEN, start, first)
     kernel.scan(start, SocSample(*(c[:10] for c in runs[0].samples)))
     began = time.process_time()
     kernel.scan(start, runs[0].samples)

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from kernels import kernel_of
+from battery.examples import row, scan
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
@@ -50,9 +50,7 @@ def rows(samples):
 
 
 def run(joint, samples, lowering="python"):
-    first = SocSample(*(float(column[0]) for column in samples))
-    state = joint.init(first)
-    return kernel_of(joint, state, EXAMPLE, lowering=lowering).scan(state, samples)
+    return scan(joint, samples, state=joint.init(row(samples, 0)), lowering=lowering)
 
 
 def test_the_model_is_an_euler_step_of_the_circuit():
