@@ -100,7 +100,7 @@ def judge_drive(seed: int, sensor: NoisySensor, observer: SpeedObserver) -> Judg
     samples = runs.samples_of(true, rng)
     values = getattr(samples, sensor.channel)
     noisy = values + sensor.std * rng.standard_normal(values.shape)
-    e = runs.observed(observer, samples._replace(**{sensor.channel: noisy}))
+    _, e = runs.observed(observer, samples._replace(**{sensor.channel: noisy}))
     speed = e.speed_m_s - true.speed_m_s[1:], e.speed_std_m_s
     yaw = e.yaw_rate_rad_s - true.gyro_rad_s[1:, 2], e.yaw_rate_std_rad_s
     error, std = speed if sensor.judged == "speed" else yaw

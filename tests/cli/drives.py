@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.logs import write_table
-from ohmward.trace import Kernel
-from ohmward.traction import RLMA, RobotInput, hard_terrain, scene, slip_ratio, step
+from ohmward.traction import RLMA, hard_terrain, scene, slip_ratio
+from traction.examples import plant
 
 DT_S = 0.01
 WHEELS = ("front_left", "front_right")
@@ -23,7 +23,7 @@ def drive() -> dict[str, np.ndarray]:
     x, states, currents = np.zeros(4), [], []
     for ground, duration_s, current_A in LEGS:
         current = np.full((round(duration_s / DT_S), 2), current_A)
-        x, leg = _kernel(ground).scan(x, current)
+        x, leg = plant(scene(RLMA, hard_terrain(ground)), DT_S).scan(x, current)
         states.append(leg)
         currents.append(current)
     speed, yaw_rate, *omega = np.concatenate(states).T
@@ -42,14 +42,3 @@ def write_drive(path: Path, **changes: np.ndarray | None) -> Path:
     columns = drive() | changes
     write_table({name: values for name, values in columns.items() if values is not None}, path)
     return path
-
-
-@cache
-def _kernel(ground: str) -> Kernel:
-    place = scene(RLMA, hard_terrain(ground))
-
-    def one(x, current_A):
-        state = step(x, RobotInput(current_A), place, dt_s=DT_S).state
-        return state, state
-
-    return Kernel(one, np.zeros(4), np.zeros(2))

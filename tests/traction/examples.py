@@ -1,17 +1,24 @@
 """Robots and grounds that the tests share."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
+import numpy as np
+
+from ohmward.trace import Kernel
 from ohmward.traction import (
+    ALEXANDER,
     RLMA,
     ROBOTINO,
     Differential,
     Motor,
+    RobotInput,
     RollingResistance,
     SkidSteer,
     Terrain,
     hard_terrain,
+    next_state,
     soft_terrain,
 )
 from ohmward.traction.friction.law import Brush, CoulombCreep, SoftGround, WardIagnemma
@@ -57,3 +64,14 @@ TERRAINS = {
     "ice": hard_terrain("ice"),
     "soil": soft_terrain("firm soil", 0.12, 0.05),
 }
+
+
+@cache
+def plant(place, dt_s=0.01, method=ALEXANDER) -> Kernel:
+    """Compiled (state, currents) -> (state, state): the robot itself."""
+
+    def step(x, current_A):
+        after = next_state(x, RobotInput(current_A), place, dt_s, method)
+        return after, after
+
+    return Kernel(step, np.zeros(len(place.robot.state_names)), np.zeros(place.robot.driven))

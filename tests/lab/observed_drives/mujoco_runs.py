@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kernels import kernel_of
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
@@ -15,6 +14,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
 from ohmward_lab.simulate.robot_sensors import RobotSensors, RobotTruth, record
+from traction.speed_observer.examples import observed
 
 DT_S = 0.01
 RUNS = 10
@@ -78,13 +78,6 @@ def samples_of(truth, rng, passive=False, speed_every=0, speed_std=0.05, age_ste
     )
 
 
-def observed(observer, samples):
-    """Estimates (T, ...)."""
-    at_rest = observer.no_sample()._replace(wheel_speed_rad_s=np.zeros(4), current_A=np.zeros(2))
-    state = observer.init(at_rest)
-    return kernel_of(observer, state, at_rest).scan(state, samples)[1]
-
-
 class Runs(NamedTuple):
     """Errors of the speed [m/s], those of speed and left slip over sigma, (runs, T), the last truth and estimates."""
 
@@ -113,7 +106,7 @@ def drives(
         if (drawn := (friction, torque, duration_s, seed)) not in TRUTHS:
             TRUTHS[drawn] = drive_on(friction, grade_rad, demand, duration_s)
         truth = TRUTHS[drawn]
-        e = observed(observer, samples_of(truth, rng, **sensors))
+        _, e = observed(observer, samples_of(truth, rng, **sensors))
         errors.append(e.speed_m_s - truth.speed_m_s[1:])
         normalised.append(errors[-1] / e.speed_std_m_s)
         slip.append(((e.slip_speed_m_s - truth.slip_speed_m_s[1:, :2]) / e.slip_speed_std_m_s)[:, 0])

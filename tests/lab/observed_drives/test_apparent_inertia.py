@@ -15,9 +15,9 @@ from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips,
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
-from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR
+from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR, observed
 
-from .mujoco_runs import believed, observed, rmse, samples_of
+from .mujoco_runs import believed, rmse, samples_of
 from .test_gross_slip import clean
 from .test_ice_on_slopes import on_wheel_speed
 
@@ -78,7 +78,7 @@ def slope(friction, grade_rad, seed=1, pitch_std_rad=None):
     rng = np.random.default_rng(seed)
     samples = samples_of(truth, rng, pitch_std=pitch_std_rad)
     noise = ObserverNoise(gyro_std_rad_s=0.003, pitch_std_rad=pitch_std_rad)
-    return truth, observed(SpeedObserver(believed(rng), noise=noise, rest_hold_s=np.inf), samples)
+    return truth, observed(SpeedObserver(believed(rng), noise=noise, rest_hold_s=np.inf), samples)[1]
 
 
 def share_covered(truth, e):
@@ -144,6 +144,6 @@ def servo_drive(friction, seed, steps=3000):
 @pytest.mark.parametrize("seed", [1, 3, 6, 7])
 def test_a_belief_in_sliding_wheels_ends_where_they_carry_the_robot(seed):
     speed_m_s, samples = servo_drive(0.15, seed)
-    e = observed(default_observer("rlma"), samples)
+    _, e = observed(default_observer("rlma"), samples)
     error = e.speed_m_s - speed_m_s
     assert rmse(error) < 0.3

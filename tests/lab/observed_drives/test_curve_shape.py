@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kernels import kernel_of
 from ohmward.filters.consistency import BAND_95
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop.observing import make_observer
+from traction.speed_observer.examples import observed
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +22,7 @@ def coverage_95(run, **noise):
     scenario, samples = run.scenario, run.rows.sample
     observer = make_observer(scenario.observer, scenario.sensors, scenario.model, scenario.surface.patches[-1])
     observer = replace(observer, noise=replace(observer.noise, **noise))
-    first = type(samples)(*(np.asarray(values)[0] for values in samples))
-    state = observer.init(first)
-    _, e = kernel_of(observer, state, first).scan(state, samples)
+    _, e = observed(observer, samples, type(samples)(*(np.asarray(values)[0] for values in samples)))
     return np.mean(abs(e.speed_m_s - run.rows.truth.speed_m_s) < BAND_95 * e.speed_std_m_s)
 
 

@@ -7,8 +7,9 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
+from traction.speed_observer.examples import observed
 
-from .mujoco_runs import DT_S, believed, observed, rmse, samples_of
+from .mujoco_runs import DT_S, believed, rmse, samples_of
 
 RADIUS_M, SPEED_STD_M_S = 0.12, 0.03
 NOISE = ObserverNoise(speed_std_m_s=SPEED_STD_M_S, gyro_std_rad_s=0.003)
@@ -33,7 +34,7 @@ def test_a_speed_from_outside_is_used_at_least_as_well_as_by_holding_it(grade_ra
     truth = drive(RlmaPlant(RlmaParameters(), ground), on_wheel_speed, 8.0, DT_S)
     rng = np.random.default_rng(1)
     samples = samples_of(truth, rng, speed_every=10, speed_std=SPEED_STD_M_S, age_steps=late_steps)
-    e = observed(SpeedObserver(believed(rng), noise=NOISE, rest_hold_s=np.inf), samples)
+    _, e = observed(SpeedObserver(believed(rng), noise=NOISE, rest_hold_s=np.inf), samples)
     error = e.speed_m_s - truth.speed_m_s[1:]
     assert rmse(error) < 1.15 * rmse(held(samples.speed_m_s) - truth.speed_m_s[1:])
     assert np.mean(np.abs(error) < 1.96 * e.speed_std_m_s) > 0.65

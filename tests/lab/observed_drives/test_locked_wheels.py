@@ -6,8 +6,9 @@ import pytest
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from traction.speed_observer.examples import observed
 
-from .mujoco_runs import DT_S, believed, observed, samples_of
+from .mujoco_runs import DT_S, believed, samples_of
 
 NOISE = ObserverNoise(gyro_std_rad_s=0.003)
 
@@ -31,6 +32,6 @@ def test_nine_of_ten_speeds_are_in_their_band(friction, gain):
     for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
         samples = samples_of(truth, rng)
-        e = observed(SpeedObserver(believed(rng), noise=NOISE, rest_hold_s=np.inf), samples)
+        _, e = observed(SpeedObserver(believed(rng), noise=NOISE, rest_hold_s=np.inf), samples)
         error = e.speed_m_s - truth.speed_m_s[1:]
         assert np.mean(np.abs(error) < 1.96 * e.speed_std_m_s) > 0.9

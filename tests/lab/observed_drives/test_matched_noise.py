@@ -6,12 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from kernels import kernel_of
 from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.matched_noise import CLIP, MOST_RATIO, WhiteNoise, first, follow
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from traction.speed_observer.examples import DT_S
+from traction.speed_observer.examples import DT_S, observed
 
 from .mujoco_runs import believed, drive_on, samples_of
 
@@ -76,8 +75,7 @@ def estimates(noise, matching, sensors, seed=900):
     white = {name: std * rng.standard_normal(getattr(samples, name).shape) for name, std in sensors.items()}
     samples = samples._replace(**{name: getattr(samples, name) + noise for name, noise in white.items()})
     observer = SpeedObserver(believed(rng), noise=noise, matching=matching, rest_hold_s=np.inf)
-    at_rest = observer.no_sample()._replace(wheel_speed_rad_s=np.zeros(4), current_A=np.zeros(2))
-    e = kernel_of(observer, observer.init(at_rest), at_rest).scan(observer.init(at_rest), samples)[1]
+    _, e = observed(observer, samples)
     speed = (e.speed_m_s - truth.speed_m_s[1:])[100:], e.speed_std_m_s[100:]
     yaw = (e.yaw_rate_rad_s - truth.gyro_rad_s[1:, 2])[100:], e.yaw_rate_std_rad_s[100:]
     return {"speed": speed, "yaw": yaw}

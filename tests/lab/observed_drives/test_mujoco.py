@@ -10,6 +10,7 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_evidence import MASS_STD
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from traction.speed_observer.examples import observed
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
@@ -22,7 +23,6 @@ from .mujoco_runs import (
     drive_on,
     drives,
     mean_nees,
-    observed,
     rmse,
     samples_of,
     spinning,
@@ -94,10 +94,10 @@ def test_one_passive_wheel_shows_everything():
 def test_slip_is_found_at_once_and_the_ground_measured():
     rng = np.random.default_rng(5)
     truth = drive_on(0.8, 0.0, cruising(rng), 2.0)
-    calm = observed(SpeedObserver(believed(rng)), samples_of(truth, rng))
+    _, calm = observed(SpeedObserver(believed(rng)), samples_of(truth, rng))
     assert np.mean(calm.slipping) < 2e-3
     truth = drive_on(0.2, 0.0, spinning(rng), 1.0)
-    e = observed(SpeedObserver(believed(rng)), samples_of(truth, rng))
+    _, e = observed(SpeedObserver(believed(rng)), samples_of(truth, rng))
     true_slip = truth.slip_speed_m_s[1:, 0]
     found = np.argmax(e.slipping[:, 0] > 0)
     assert found > 0 and true_slip[found] < 0.6

@@ -9,8 +9,9 @@ from ohmward.traction.speed_observer import speed_evidence
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from traction.speed_observer.examples import observed
 
-from .mujoco_runs import DT_S, believed, observed, samples_of
+from .mujoco_runs import DT_S, believed, samples_of
 
 
 def spin(truth):
@@ -31,7 +32,7 @@ def covered(load, friction, torque, duration_s, **noise):
     truth = drive(RlmaPlant(parameters, uniform(friction)), torque, duration_s, DT_S)
     rng = np.random.default_rng(1)
     samples = samples_of(truth, rng)
-    e = observed(SpeedObserver(believed(rng), noise=ObserverNoise(**noise), rest_hold_s=np.inf), samples)
+    _, e = observed(SpeedObserver(believed(rng), noise=ObserverNoise(**noise), rest_hold_s=np.inf), samples)
     error = e.speed_m_s - truth.speed_m_s[1:]
     return float(np.mean((np.abs(error) < 1.96 * e.speed_std_m_s)[50:]))
 

@@ -7,8 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel
-from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, scene, step
+from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.calibration import (
     CalibrationDrive,
     Parameter,
@@ -18,6 +17,7 @@ from ohmward.traction.calibration import (
     with_parameters,
 )
 from ohmward.traction.friction.law import Burckhardt
+from traction.examples import plant
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 DIRECTIONS = range(0, 360, 30)
@@ -42,16 +42,10 @@ def straight():
         motor=replace(RLMA.motor, friction_Nm=0.35, torque_constant_Nm_per_A=0.49),
     )
     floor = Terrain("gravel", Burckhardt(0.6, 6.0 / 0.6, 0.0), RollingResistance(ROLLING, 50.0, 0.0), "test")
-    plant, dt_s = scene(truth, floor), 0.01
-
-    def one(x, current_A):
-        result = step(x, RobotInput(current_A), plant, dt_s)
-        return result.state, result.state
-
-    kernel, drives = Kernel(one, np.zeros(4), np.zeros(2)), []
+    kernel, drives = plant(scene(truth, floor)), []
     rng = np.random.default_rng(5)
     for seed in range(12):
-        t = np.arange(0.0, 20.0, dt_s)
+        t = np.arange(0.0, 20.0, 0.01)
         wave = 1.45 + 1.2 * np.sign(np.sin(2 * np.pi * t / (5.0 + 0.5 * seed)))
         current = np.column_stack([wave, wave])
         _, states = kernel.scan(np.array([0.5, 0.0, 0.5 / 0.118, 0.5 / 0.118]), current)

@@ -9,14 +9,14 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel
-from ohmward.traction import RLMA, ROBOTINO, RobotInput, SkidSteer, hard_terrain, load_robot, save_robot, scene, step
+from ohmward.traction import RLMA, ROBOTINO, SkidSteer, hard_terrain, load_robot, save_robot, scene
 from ohmward.traction.calibration import CalibrationDrive, calibrate, calibrate_radius, calibrate_track
 from ohmward.traction.calibration.calibrate import usual_parts
 from ohmward.traction.odometry.model import RADIUS_STD
 from ohmward.traction.robot.chassis import Omni, Steered
 from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.robot.robot import free_sideways, motion_from_wheels
+from traction.examples import plant
 
 SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
 RADIUS_M, EFFECTIVE_M = 0.118, 0.51
@@ -155,15 +155,9 @@ def _saved(robot, path):
 
 def simulated(left_A, right_A, seconds=8.0):
     """Our own dynamics: wheels that are dragged sideways on wet asphalt."""
-    plant, dt_s = scene(SKID, hard_terrain("wet asphalt")), 0.01
-
-    def one(x, current_A):
-        result = step(x, RobotInput(current_A), plant, dt_s)
-        return result.state, result.state
-
-    x = np.zeros(7)
-    t = np.arange(0.0, seconds, dt_s)
-    _, states = Kernel(one, x, np.zeros(4)).scan(x, np.tile([left_A, right_A, left_A, right_A], (t.size, 1)))
+    t = np.arange(0.0, seconds, 0.01)
+    current_A = np.tile([left_A, right_A, left_A, right_A], (t.size, 1))
+    _, states = plant(scene(SKID, hard_terrain("wet asphalt"))).scan(np.zeros(7), current_A)
     log = DriveLog("skid", t, states[:, 3:], np.full((t.size, 4), np.nan))
     return CalibrationDrive(log, states[:, :3])
 

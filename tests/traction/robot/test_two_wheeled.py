@@ -5,23 +5,21 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive, write_table
-from ohmward.trace import Kernel
 from ohmward.traction import (
     Motor,
     Robot,
-    RobotInput,
     TwoWheeled,
     Wheel,
     hard_terrain,
     load_robot,
     save_robot,
     scene,
-    step,
 )
 from ohmward.traction.calibration import CalibrationDrive, calibrate
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels, wheel_speeds
 from ohmward.traction.speed_observer.estimator import SlipEstimator, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
+from traction.examples import plant
 
 CHASSIS = TwoWheeled(axle_m=0.05, track_m=0.30, casters_m=(-0.15,))
 ROBOT = Robot("vacuum", 8.0, 0.15, CHASSIS, Wheel(0.05, 0.03, 2e-4), Motor(0.4, 0.5))
@@ -58,15 +56,8 @@ def test_the_robot_file_has_it(tmp_path):
 
 def driven(current_A, seconds=6.0):
     """Our own dynamics, from rest; encoders of 100 Hz and a gyro."""
-    rng, dt_s = np.random.default_rng(4), 0.01
-    t, plant = np.arange(0.0, seconds, dt_s), scene(ROBOT, FLOOR)
-
-    def plant_step(x, u):
-        after = step(x, u, plant, dt_s).state
-        return after, after
-
-    command = RobotInput(np.tile(current_A, (t.size, 1)))
-    _, truth = Kernel(plant_step, np.zeros(4), RobotInput(np.zeros(2))).scan(np.zeros(4), command)
+    rng, t = np.random.default_rng(4), np.arange(0.0, seconds, 0.01)
+    _, truth = plant(scene(ROBOT, FLOOR)).scan(np.zeros(4), np.tile(current_A, (t.size, 1)))
     wheels = np.full((t.size, 3), np.nan)
     wheels[:, :2] = truth[:, 2:] + 0.05 * rng.standard_normal((t.size, 2))
     gyro = truth[:, 1] + 0.01 * rng.standard_normal(t.size)

@@ -1,23 +1,11 @@
 """What the tests of the observers share."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from kernels import kernel_of
-from ohmward.trace import Kernel
-from ohmward.traction import (
-    ALEXANDER,
-    RLMA,
-    ROBOTINO,
-    Differential,
-    RobotInput,
-    RollingResistance,
-    Terrain,
-    next_state,
-    scene,
-)
+from ohmward.traction import RLMA, ROBOTINO, Differential, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 
@@ -33,17 +21,6 @@ SCENES = {
 RLMA_ON_FLOOR = SCENES["front-driven"]
 
 
-@cache
-def plant(place, dt_s=DT_S, method=ALEXANDER):
-    """Compiled (state, currents) -> (state, state): the robot itself."""
-
-    def step(x, current_A):
-        after = next_state(x, RobotInput(current_A), place, dt_s, method)
-        return after, after
-
-    return Kernel(step, np.zeros(len(place.robot.state_names)), np.zeros(place.robot.driven))
-
-
 def at_rest(observer):
     """A first sample of a robot that stands."""
     blank = observer.no_sample()
@@ -52,9 +29,9 @@ def at_rest(observer):
     )
 
 
-def observed(observer, samples):
-    """The last state and the estimates (T, ...) of a log that starts at rest."""
-    first = at_rest(observer)
+def observed(observer, samples, first=None):
+    """The last state and the estimates (T, ...) of a log that starts at rest, or with this first sample."""
+    first = at_rest(observer) if first is None else first
     return kernel_of(observer, observer.init(first), first).scan(observer.init(first), samples)
 
 

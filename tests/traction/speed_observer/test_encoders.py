@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from kernels import kernel_of
 from ohmward.filters.belief import Belief
 from ohmward.filters.kalman import correct_state
 from ohmward.traction.speed_observer.encoders import true_share, with_part_of_gain
@@ -11,7 +10,7 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
-from .examples import RLMA_ON_FLOOR, at_rest, log
+from .examples import RLMA_ON_FLOOR, at_rest, log, observed
 
 CRUISE_RAD_S, CRUISE_A = 4.0, 0.3585
 
@@ -42,7 +41,7 @@ def test_a_wheel_that_goes_on_to_surprise_teaches_its_friction_and_does_not_drag
     samples.wheel_speed_rad_s[200:, 0] = 0.0
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(gyro_std_rad_s=0.01))
     first = at_rest(observer)._replace(wheel_speed_rad_s=np.full(4, CRUISE_RAD_S), current_A=np.full(2, CRUISE_A))
-    _, e = kernel_of(observer, observer.init(first), first).scan(observer.init(first), samples)
+    _, e = observed(observer, samples, first)
     flags = e.flags.astype(int)
     assert (flags[200:205] & SlipFlag.ENCODER_SPIKE).all()  # no wheel stops within 10 ms
     assert flags[205] & SlipFlag.GROUND_CHANGED

@@ -9,8 +9,9 @@ from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from traction.examples import plant
 
-from .examples import DT_S, RLMA_ON_FLOOR, log, observed, plant
+from .examples import DT_S, RLMA_ON_FLOOR, log, observed
 
 OMEGA = 0.5 / 0.12
 #: What rolling at 0.5 m/s takes from each motor.

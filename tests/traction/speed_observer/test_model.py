@@ -17,8 +17,9 @@ from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+from traction.examples import plant
 
-from .examples import DT_S, LOW, RLMA_ON_FLOOR, at_rest, log, observed, plant
+from .examples import DT_S, LOW, RLMA_ON_FLOOR, at_rest, log, observed
 
 SUBSTEPS = 400
 CURRENTS_A = np.array([2.0, 3.0])

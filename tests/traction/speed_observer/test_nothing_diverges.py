@@ -15,8 +15,9 @@ from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.make_observer import FILTERS, default_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from traction.examples import plant
 
-from .examples import DT_S, RLMA_ON_FLOOR, at_rest, log, observed, plant
+from .examples import DT_S, RLMA_ON_FLOOR, at_rest, log, observed
 
 FAST_RAD_S = 20.0
 

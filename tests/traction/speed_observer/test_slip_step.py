@@ -8,8 +8,9 @@ from ohmward.traction import EULER, RobotInput, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step, traction, traction_and_slope
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
+from traction.examples import plant
 
-from .examples import FLOOR, LOW, SCENES, plant
+from .examples import FLOOR, LOW, SCENES
 
 
 def step_of(place, dt_s=0.01, states=KNOWN_GROUND):

@@ -19,8 +19,9 @@ from ohmward.traction.speed_observer.body_sensors import correct_sensor
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
+from traction.examples import plant
 
-from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed, plant
+from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed
 
 FULL = ObserverNoise(
     gyro_std_rad_s=0.01,
