@@ -36,13 +36,13 @@ def test_a_viewer_gets_channels_and_messages():
         async with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:
             channels: dict[str, dict] = {}
             while "/battery_state" not in channels:
-                told = json.loads(await asyncio.wait_for(socket.recv(), 5.0))
+                told = json.loads(await asyncio.wait_for(socket.recv(), 60.0))
                 channels |= {channel["topic"]: channel for channel in told.get("channels", [])}
             wanted = [{"id": 1, "channelId": channels["/battery_state"]["id"]}]
             await socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
             await asyncio.sleep(0.2)
             feed.put(at(10.0, driven()))
-            while not isinstance(message := await asyncio.wait_for(socket.recv(), 5.0), bytes):
+            while not isinstance(message := await asyncio.wait_for(socket.recv(), 60.0), bytes):
                 pass
         feed.end()
         await serving

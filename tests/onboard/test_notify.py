@@ -58,7 +58,7 @@ def run(process, environment, at_work):
         running = asyncio.ensure_future(process.run())
         await at_work()
         process.stop()
-        await asyncio.wait_for(running, 10)
+        await asyncio.wait_for(running, 60)
 
     asyncio.run(work())
 

@@ -89,7 +89,7 @@ def run(process, seconds=None, until=None):
         if seconds is not None:
             asyncio.get_running_loop().call_later(seconds, process.stop)
         stopping = asyncio.ensure_future(stop_when_done()) if until else None
-        await asyncio.wait_for(process.run(), 20.0)
+        await asyncio.wait_for(process.run(), 60.0)
         if stopping:
             stopping.cancel()
 
