@@ -1,6 +1,5 @@
 """The page in headless Chromium: a million samples, detail on zoom, a phone, the keyboard, and what axe finds."""
 
-import os
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,8 +10,12 @@ import pytest
 from ohmward.report import TIME, Band, Figure, Page, Series, Span, WallClock
 
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
-#: The bar of the project for a page of a million samples.
-OPENED_WITHIN_S = 2.0
+#: What this browser needs in this run to write and read a million numbers [ms].
+A_MILLION_NUMBERS = """() => {
+  const began = performance.now();
+  JSON.parse(JSON.stringify(Array.from({ length: 1e6 }, (_, k) => Math.sin(k))));
+  return performance.now() - began;
+}"""
 
 
 @pytest.fixture
@@ -77,15 +80,16 @@ def day_page(samples=2000):
 
 
 @pytest.mark.slow
-def test_a_million_samples_open_within_two_seconds(open_page):
+def test_a_million_samples_open_within_seven_times_the_json_of_a_million_numbers(open_page):
+    """Two seconds on a machine with nothing else to do."""
     page = Page("A day").plot(*robot_day(1_000_000))
-    taken = []
+    taken_s, json_s = [], []
     for _ in range(3):
-        started = time.perf_counter()
-        open_page(page).evaluate("1")
-        taken.append(time.perf_counter() - started)
-    share = max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)  # what others leave of the machine
-    assert min(taken) <= OPENED_WITHIN_S * share
+        started_s = time.perf_counter()
+        tab = open_page(page)
+        taken_s.append(time.perf_counter() - started_s)
+        json_s.append(1e-3 * tab.evaluate(A_MILLION_NUMBERS))
+    assert min(taken_s) <= 7 * min(json_s)
 
 
 def test_zooming_shows_the_samples_themselves(open_page):

@@ -255,10 +255,15 @@ def test_per_cent_are_refused():
         SocEstimator(ESTIMATORS["ekf"], initial_soc_std=3.0)
 
 
-def test_a_step_takes_microseconds():
-    """A generous bound on processor time: a busy machine may be five times slower than one that is not."""
-    run = SocEstimator(ESTIMATORS["ekf"], 0.8)
+def test_a_step_along_a_log_is_compiled():
+    """A hundred and fifty times faster than on NumPy arrays in the same run."""
+    estimator, columns = ESTIMATORS["ekf"], samples_of(LOG)
+    run = SocEstimator(estimator, 0.8)
     run.run(LOG.select(slice(0, 2)))
-    began = time.process_time()
+    state = estimator.init(row(columns, 0))
+    began_s = time.process_time()
+    for k in range(1, 21):
+        state, _ = estimator.step(state, row(columns, k))
+    numpy_s = time.process_time() - began_s
     run.run(LOG.select(slice(2, None)))
-    assert (time.process_time() - began) / 898 < 100e-6
+    assert (time.process_time() - began_s - numpy_s) / 898 < numpy_s / 20 / 20
