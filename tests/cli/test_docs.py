@@ -4,8 +4,6 @@ import re
 import shlex
 from pathlib import Path
 
-import pytest
-
 from cli import test_calibrate, test_health, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
@@ -18,10 +16,9 @@ def blocks(page: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["command-line.md", "tutorial.md"])
-def test_command_lines_can_be_pasted_one_after_the_other(page, here, short_drives, monkeypatch, capsys):
+def test_the_command_lines_of_the_tutorial_can_be_pasted_one_after_the_other(here, short_drives, monkeypatch, capsys):
     monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ("coulomb", "ekf"))
-    for line in (line for block in blocks(page, "bash") for line in block.splitlines()):
+    for line in (line for block in blocks("tutorial.md", "bash") for line in block.splitlines()):
         (program, *words), file = redirected(shlex.split(line))
         assert program == "ohmward"
         assert main(words) == 0, line
