@@ -63,7 +63,7 @@ test-lab: $(VENV)/test.stamp
 test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
 	$(BIN)/python -m pytest tests/fleet/test_spark.py
 
-environment: $(VENV)/test.stamp $(VENV)/dev.stamp
+environment: $(VENV)/test.stamp $(VENV)/dev.stamp $(VENV)/docs.stamp
 
 static: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
