@@ -145,7 +145,7 @@ def test_an_operator_drives_with_keys_and_the_robot_stops_when_he_is_gone(robot)
     os.write(process.stdin.fileno(), b"www")
     wait_until(lambda: sent[-1]["torque_Nm.front_left"] > 0.1)
     os.write(process.stdin.fileno(), b"q")
-    out, _ = process.communicate(timeout=100)
+    out, _ = process.communicate(timeout=300)
     assert json.loads(out)["phase"] == "disarmed" and process.returncode == 0
     assert sent[-1]["enable"] == 0.0 and sent[-1]["torque_Nm.front_left"] == 0.0
 

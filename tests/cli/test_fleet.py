@@ -184,5 +184,5 @@ def test_an_interrupt_ends_all_processes_without_a_traceback(folder):
         time.sleep(0.01)
     time.sleep(0.3)
     os.killpg(run.pid, signal.SIGINT)
-    _, said = run.communicate(timeout=100)
+    _, said = run.communicate(timeout=300)
     assert run.returncode == 130 and "Traceback" not in said
