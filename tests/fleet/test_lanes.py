@@ -11,7 +11,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, published
+from ohmward.battery.soc.registry import ESTIMATORS, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
@@ -67,7 +67,7 @@ def test_parts_cover_every_step_of_every_log(lengths):
         assert first < last and lanes == sum(length > first for length in lengths)
 
 
-@pytest.mark.parametrize("name", [*ESTIMATORS, *published()])
+@pytest.mark.parametrize("name", ESTIMATORS)
 def test_every_estimator_is_traced_once_for_all_batches(name):
     battery = generic_battery("nmc", 2.0)
     first: Any = make_estimator(name, battery)

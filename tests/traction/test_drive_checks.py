@@ -11,8 +11,6 @@ from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
 from ohmward.traction.drive_checks import check_drive, mended, with_signed_speed
 from ohmward.traction.robot.packaged import generic_robot
-from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
 
 TIME = np.arange(0.0, 20.0, 0.02)
 FOUR = replace(RLMA, chassis=Differential(0.314, 0.314, 0.30, driven="all"))
@@ -179,11 +177,6 @@ BRAKING_A = np.full(
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_drive_that_only_brakes_has_no_wrong_sign(direction):
     assert texts(RLMA, slowing(direction * SLOWING_M_S, direction * BRAKING_A)) == []
-
-
-@pytest.mark.parametrize("case", ["slip-case-1", pytest.param("slip-case-2", marks=pytest.mark.slow)])
-def test_the_cases_of_the_dissertation_have_no_wrong_sign(case):
-    assert texts(RLMA, drive_log(closed_loop.run(find_scenario(case)))) == []
 
 
 def test_a_descent_brakes_as_its_pitch_says():

@@ -9,7 +9,7 @@ from battery.examples import NMC, drive, simulate
 from kernels import kernel_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator, published
+from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.logs.log import Log
 
@@ -62,7 +62,7 @@ def flat(tree) -> list[float]:
     return np.ravel(tree).tolist()
 
 
-@pytest.mark.parametrize("name", [*ESTIMATORS, *published()])
+@pytest.mark.parametrize("name", ESTIMATORS)
 def test_machine_code_is_python_on_a_log_with_every_fault(name):
     (expected, last), (found, also_last) = (scanned(name, lowering) for lowering in ("python", "machine"))
     np.testing.assert_array_equal(found["flags"], expected["flags"])
