@@ -36,20 +36,19 @@ def simulated(ground, current_A, grade_rad=0.0):
 
     def one(x, i):
         found = step(x, RobotInput(i, grade_rad), p, DT)
-        return found.state, found
+        return found.state, (found, forces(found.state, RobotInput(i, grade_rad), p))
 
     x0 = np.zeros(4)
-    _, steps = Kernel(one, x0, np.zeros(2)).scan(x0, np.repeat(current_A[:, None], 2, axis=1))
+    _, (steps, on_wheels) = Kernel(one, x0, np.zeros(2)).scan(x0, np.repeat(current_A[:, None], 2, axis=1))
     x = np.asarray(steps.state)
     time_s = DT * np.arange(len(x))
-    f = [forces(row, RobotInput(i * np.ones(2), grade_rad), p) for row, i in zip(x, current_A, strict=True)]
     seen = SimpleNamespace(
         speed_m_s=x[:, 0],
         yaw_rate_rad_s=x[:, 1],
         wheel_speed_rad_s=x[:, 2:],
-        slip_speed_m_s=np.array([g.slip_speed_m_s[:2] for g in f]),
+        slip_speed_m_s=on_wheels.slip_speed_m_s[:, :2],
         slip_speed_std_m_s=np.full((len(x), 2), 0.01),
-        traction_N=np.array([g.traction_N[:2] for g in f]),
+        traction_N=on_wheels.traction_N[:, :2],
         grade_rad=np.full(len(x), grade_rad),
         grade_std_rad=np.full(len(x), 0.01),
     )
