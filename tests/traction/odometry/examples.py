@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from kernels import kernel_of
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
@@ -57,11 +58,9 @@ def samples(settings: PoseFilter, **given) -> OdometrySample:
 def gauss_markov(rng, T, noise):
     """(T,) of unit variance."""
     decay = np.exp(-DT_S / noise.correlation_s)
-    z = np.empty(T)
-    z[0] = rng.standard_normal()
-    for k in range(1, T):
-        z[k] = decay * z[k - 1] + np.sqrt(1 - decay**2) * rng.standard_normal()
-    return z
+    new = rng.standard_normal(T)
+    new[1:] *= np.sqrt(1 - decay**2)
+    return lfilter([1.0], [1.0, -decay], new)
 
 
 def integrate(v, left, w):
@@ -125,6 +124,14 @@ class StopAndGo(NamedTuple):
     offset_rad_s: float
 
 
+def ramped(wanted: np.ndarray, most: float) -> np.ndarray:
+    """What is wanted, from 0 on, but at most so much more or less at each step."""
+    reached = [0.0]
+    for value in wanted[1:].tolist():
+        reached.append(reached[-1] + min(max(value - reached[-1], -most), most))
+    return np.array(reached)
+
+
 def stop_and_go(seed: int, counts: int, late_s: float = 0.0, every: int = 1, seconds: float = 120.0) -> StopAndGo:
     """A robot that drives, turns on the spot and rests in turn, on floors that change its slip and its track."""
     rng = np.random.default_rng(seed)
@@ -135,10 +142,7 @@ def stop_and_go(seed: int, counts: int, late_s: float = 0.0, every: int = 1, sec
         kinds = (rng.uniform(0.3, 0.9), 0.0), (rng.uniform(0.3, 0.8), rng.uniform(-0.6, 0.6)), (0.0, rng.uniform(-1, 1))
         wanted[start:end] = (*kinds, (0.0, 0.0))[rng.integers(4)]
         start = end
-    most, motion = np.array([0.5, 1.5]) * DT_S, np.zeros((steps, 2))
-    for k in range(1, steps):
-        motion[k] = motion[k - 1] + np.clip(wanted[k] - motion[k - 1], -most, most)
-    v, w = motion.T
+    v, w = (ramped(column, most * DT_S) for column, most in zip(wanted.T, (0.5, 1.5), strict=True))
     pose = integrate(v, np.zeros(steps), w)
     patch = (np.cumsum(np.abs(v)) * DT_S // rng.uniform(3.0, 8.0)).astype(int)
     slip, turned = (share * rng.standard_normal(patch.max() + 1)[patch] for share in (0.003, 0.02))

@@ -1,4 +1,4 @@
-"""Drives of an omni robot on floors, from the equations of `floors`, solved another way: by fixed-point iteration."""
+"""Drives of an omni robot on floors, from the equations of `floors`, wheel by wheel."""
 
 from dataclasses import replace
 from functools import cache
@@ -39,25 +39,22 @@ def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarr
     G, load = robot.rolling, np.array(robot.wheel_load_N)
     along, across = G @ rim, robot.sideways @ rim
     factor = np.array([direction_and_speed(*of, np.hypot(*rim[:2])) for of in zip(floors, along, across, strict=True)])
-    motion = rim.copy()
-    for _ in range(200):
-        push = np.zeros(3)
-        for k, place in enumerate(robot.places):
-            along, across = G[k] @ rim, robot.sideways[k] @ rim
-            size = np.hypot(np.hypot(along, across), 0.01)
-            roll = floors[k].rolling * load[k] / size
-            roller = floors[k].roller * load[k] * np.tanh(across / (0.3 * size))
-            c, s = np.cos(place.heading_rad), np.sin(place.heading_rad)
-            force = roll * along * np.array([c, s]) + (roll * across + roller) * np.array([-s, c])
-            push += [*force, place.x_m * force[1] - place.y_m * force[0]]
-        F = np.linalg.solve(G.T, push)
-        slip = [
-            -np.sign(f) * np.log(1 - min(abs(f) / (m * n), 0.999)) * m / c
-            for f, n, m, c in zip(F, load, [x.friction for x in floors], [x.stiffness for x in floors], strict=True)
-        ]
-        lost = np.linalg.solve(G, factor * np.clip(slip, -1, 1)) * np.hypot(rim[0], rim[1])
-        motion = 0.5 * motion + 0.5 * (rim - lost)
-    return motion, F
+    push = np.zeros(3)
+    for k, place in enumerate(robot.places):
+        along, across = G[k] @ rim, robot.sideways[k] @ rim
+        size = np.hypot(np.hypot(along, across), 0.01)
+        roll = floors[k].rolling * load[k] / size
+        roller = floors[k].roller * load[k] * np.tanh(across / (0.3 * size))
+        c, s = np.cos(place.heading_rad), np.sin(place.heading_rad)
+        force = roll * along * np.array([c, s]) + (roll * across + roller) * np.array([-s, c])
+        push += [*force, place.x_m * force[1] - place.y_m * force[0]]
+    F = np.linalg.solve(G.T, push)
+    slip = [
+        -np.sign(f) * np.log(1 - min(abs(f) / (m * n), 0.999)) * m / c
+        for f, n, m, c in zip(F, load, [x.friction for x in floors], [x.stiffness for x in floors], strict=True)
+    ]
+    lost = np.linalg.solve(G, factor * np.clip(slip, -1, 1)) * np.hypot(rim[0], rim[1])
+    return rim - lost, F
 
 
 def direction_and_speed(floor: Floor, along: float, across: float, speed: float) -> float:
