@@ -12,6 +12,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, isfinite, scan, where
+from ohmward.trace import kernel as kernel_module
 from ohmward.trace.lower import code_cache, lanes, llvm_run
 from ohmward.trace.lower import llvm_machine_code as machine_code
 
@@ -367,11 +368,27 @@ def test_without_machine_code_long_logs_run_in_python_which_is_said_once(monkeyp
     assert reason in kernel.explain()
 
 
-def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkeypatch):
+@pytest.mark.parametrize("lowering", ["auto", "prompt"])
+def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkeypatch, lowering):
     without(monkeypatch, "llvmlite is not installed")
-    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering=lowering)
     assert kernel.scan(0.0, np.ones(9))[0] == 9
     assert kernel.live(1.0).step(2.0) == 1.0
+
+
+def test_prompt_live_steps_begin_in_python_and_continue_in_machine_code():
+    kernel = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="prompt")
+    with kernel_module._BEHIND:  # nothing is compiled meanwhile
+        first, second = kernel.live(1.0), kernel.live(10.0)
+        assert [first.step(2.0), first.state] == [2.0, 3.0]
+        assert "_one_machine" not in vars(kernel)
+    kernel._behind.join()
+    assert [first.step(4.0), second.step(1.0)] == [6.0, 20.0]
+    assert [first.state, second.state] == [7.0, 11.0]
+    assert type(kernel.live(0.0)).__name__ == "MachineLive"
+    first.state = 0.0
+    assert first.step(0.0) == 0.0
+    assert first.is_finite()
 
 
 def test_machine_code_that_is_asked_for_is_not_replaced(monkeypatch):

@@ -36,7 +36,8 @@ def demo_process(driven: bool = False) -> Process:
         control = ControlSink(demonstration().robot, simulation=SimulatedOutput(), limits=_PATIENT)
         LOG.info("drive it in another terminal: ohmward drive")
         sinks.append(control)
-    return Process(Estimation(battery, demonstration().model), *connect_simulated_drives([SimulationSource()], sinks))
+    estimation = Estimation(battery, demonstration().model, lowering="prompt")
+    return Process(estimation, *connect_simulated_drives([SimulationSource()], sinks))
 
 
 def demo_sinks() -> list[Sink]:

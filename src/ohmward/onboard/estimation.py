@@ -83,6 +83,7 @@ class Estimation:
         unix_s: Unix time at which the estimators start [s], see `SocEstimator`.
         cutoff_V: voltage of the battery at which the robot stops; 0 if nothing monitors it.
         label: what is known of another battery of the same kind when it is put in; default: `battery`.
+        lowering: of the estimators, see `ohmward.trace.Kernel`; "prompt" answers while they are being compiled.
 
     Attributes:
         swaps: number of times that another battery was put in, as reported or as its voltage shows.
@@ -99,8 +100,11 @@ class Estimation:
         unix_s: float | None = None,
         cutoff_V: float = 0.0,
         label: Battery | None = None,
+        lowering: str | None = None,
     ):
-        self.battery, self.robot, self.unix_s, self.counts_per_turn = battery, robot, unix_s, counts_per_turn
+        self.battery, self.robot, self.counts_per_turn, self.lowering = battery, robot, counts_per_turn, lowering
+        #: Makes the estimator of the charge of a battery.
+        self.soc_of = partial(SocEstimator, unix_s=unix_s, lowering=lowering)
         self._consumption, self._delay_s, self._days, self._cutoff_V = consumption, delay_s, days, cutoff_V
         self._label = label or battery
         self.swaps = 0
@@ -111,10 +115,10 @@ class Estimation:
     def restart(self) -> None:
         """Forget every sample, as when a simulation is reset or a bag restarts; the robot's totals go on."""
         battery, robot = self.battery, self.robot
-        self.soc = SocEstimator(battery, unix_s=self.unix_s) if battery else None
+        self.soc = self.soc_of(battery) if battery else None
         self.cells: PackEstimator | None = None
-        self.slip = SlipEstimator(robot) if robot else None
-        self.odometry = Odometry(robot) if robot else None
+        self.slip = SlipEstimator(robot, self.lowering) if robot else None
+        self.odometry = Odometry(robot, self.lowering) if robot else None
         self.range = None
         if battery and robot:
             self.range = RangeEstimator(battery, self._consumption or robot, self._days, cutoff_V=self._cutoff_V)
@@ -162,7 +166,10 @@ class Estimation:
         self._full_s, self._full_pending = -math.inf, False
 
     def compile(self) -> None:
-        """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""
+        """Compile on copies, so that the first samples need not wait: 3 to 6 s, or some hundredths from the disk.
+
+        With the lowering "prompt" the machine code follows behind, and this takes a second.
+        """
         if self.soc and self.battery:
             middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
             copy(self.soc).update(0.0, 0.0, middle_V)
@@ -242,7 +249,7 @@ class Estimation:
         self.battery = self._label
         self.swaps += 1
         if self.battery and self.soc:
-            self.soc, self.cells, self.absence = SocEstimator(self.battery, unix_s=self.unix_s), None, None
+            self.soc, self.cells, self.absence = self.soc_of(self.battery), None, None
             self._exchange, self.cell_loss = ExchangeWatch(), CellLoss(self.battery)
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
@@ -254,7 +261,7 @@ class Estimation:
 
     def _reset_pose(self) -> None:
         if self.robot:
-            self.odometry = Odometry(self.robot)
+            self.odometry = Odometry(self.robot, self.lowering)
             self.state = self.state._replace(pose=None)
 
     def flush(self) -> list[RobotState]:
@@ -331,7 +338,7 @@ class Estimation:
         variance 1 / (1/a - 1/b), so that both together have a; not at all where b is smaller.
         """
         assert self.battery is not None
-        start = partial(SocEstimator, self.battery, min(max(before.soc, 0.0), 1.0), unix_s=self.unix_s)
+        start = partial(self.soc_of, self.battery, min(max(before.soc, 0.0), 1.0))
         by_voltage = start(initial_soc_std=MOST_SOC_STD).update(*first)
         left = 1.0 - (before.std / by_voltage.soc_std) ** 2 if math.isfinite(first.voltage_V) else 1.0
         if left > 0.0:
@@ -369,7 +376,7 @@ class Estimation:
         if self.cells is None:
             known = self.soc.last
             start = (None, INITIAL_SOC_STD) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
-            self.cells = PackEstimator(self.battery, *start)
+            self.cells = PackEstimator(self.battery, *start, lowering=self.lowering)
         cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
         current_A = sample.values.get(CURRENT, math.nan)
         found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)

@@ -98,7 +98,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     moved_std = _moved_std(charge, estimation.battery.capacity_Ah, away_s)
     known = SocNormal(charge["soc"], math.hypot(charge["std"], moved_std))
     try:
-        estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
+        estimation.soc = SocEstimator.restore(estimation.battery, content["soc"], lowering=estimation.lowering)
     except InputError:
         estimation.absence = away_s, known
         return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
@@ -166,7 +166,7 @@ def _resume_cells(estimation: Estimation, content: Mapping[str, Any]) -> list[st
     if "cells" not in content or estimation.battery is None:
         return []
     try:
-        estimation.cells = PackEstimator.restore(estimation.battery, content["cells"])
+        estimation.cells = PackEstimator.restore(estimation.battery, content["cells"], lowering=estimation.lowering)
     except InputError as error:
         return [f"the estimate of the cells starts afresh: {error}"]
     return []

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Collection
 from functools import cached_property, partial
+from threading import Lock, Thread, main_thread
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import scan
-from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
+from ohmward.trace.live import FlagTable, Live, MachineLive, PromptLive, PythonLive
 from ohmward.trace.lower import (
     code_cache,
     lanes,
@@ -24,13 +25,16 @@ from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import check, flatten, leaves, size
 
-LOWERINGS = ("auto", "python", "machine")
+LOWERINGS = ("auto", "python", "machine", "prompt")
 
 #: Number of steps of all logs of a kernel together from which machine code is faster although it must be compiled
 #: first: 0.2 s for 1,500 operations, 0.6 s for 4,500, 1.5 s for 10,400, where one in Python takes 40, 100 and 200 us.
 WORTH_STEPS = 10_000
 #: Number of steps of all lanes of one call together from which machine code is faster.
 WORTH_LANE_STEPS = 400_000
+
+#: Kernels are compiled one after the other behind their live steps, which need the processor too.
+_BEHIND = Lock()
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
@@ -44,6 +48,7 @@ class Kernel:
     constants: further arguments, the same for all calls; they are not traced.
     lowering:  for whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" uses machine code
                if it is installed and the logs so far, with this one, are long enough to pay for the compilation.
+               "prompt" is "auto" whose live steps begin in Python while the machine code is compiled in a thread.
                None: the environment variable OHMWARD_LOWERING, else "auto".
 
     Results are those of `function` with floats. In Python: arithmetic, sqrt, comparisons and tables to the last bit;
@@ -64,6 +69,7 @@ class Kernel:
         self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
         self._key = None if self.lowering == "python" else stored_steps.key_of(function, examples, constants)
         self._at_hand = stored_steps.is_stored(self._key)  # its machine code needs no compilation
+        self._behind: Thread | None = None  #: compiles the step behind its first live steps
         if not self._at_hand:
             _ = self.program  # errors in the function surface here
 
@@ -123,7 +129,8 @@ class Kernel:
     def live(self, state: Any, flags: FlagTable = None) -> Live:
         """The step as an object that keeps its state: `live(state).step(sample) -> output`.
 
-        It runs in machine code if llvmlite is installed, compiled now or found in the cache.
+        It runs in machine code if llvmlite is installed, found in the cache or compiled: now, or behind the first steps
+        if the lowering is "prompt".
 
         flags: value that replaces each number in the output's field `flags`; None leaves the numbers.
         """
@@ -135,7 +142,16 @@ class Kernel:
         def in_python() -> Live:
             return PythonLive(self, self.program.step_structure.state, state, flags)
 
-        return self._run(in_machine_code, in_python, worth=not llvm_machine_code.reason_for_none())
+        def in_python_at_first() -> Live:
+            _ = self._call  # made from the trace, which is gone once the machine code is there
+            first, self._behind = in_python(), self._behind or self._begin_behind()
+            return PromptLive(first, lambda: self._at_hand, lambda state: self.live(state, flags))
+
+        compiles = not llvm_machine_code.reason_for_none()
+        is_behind = compiles and self.lowering == "prompt" and not self._at_hand
+        return self._run(
+            in_machine_code, in_python_at_first if is_behind else in_python, worth=compiles and not is_behind
+        )
 
     def source(self, lowering: str = "python") -> str:
         """The generated program: "python" (one step), "numpy" (loop over many lanes) or "llvm" (loop over one log)."""
@@ -182,9 +198,23 @@ class Kernel:
             self.__dict__.pop(traced, None)
         return step
 
+    def _begin_behind(self) -> Thread:
+        """Compile the step for live samples in a thread."""
+
+        def compile_step() -> None:
+            with _BEHIND:
+                if main_thread().is_alive():  # a process that ends waits for no further step
+                    step = self._one_machine
+                    step.function(1, (False,) * step.columns)
+                    self._at_hand = True
+
+        thread = Thread(target=lambda: self._run(compile_step, lambda: None, worth=True), name="compile")
+        thread.start()
+        return thread
+
     def _run(self, in_machine_code: Callable[[], T], otherwise: Callable[[], T], worth: bool) -> T:
         """Run in machine code if asked for, or if left open and worth it; warn once where there is none."""
-        if self.lowering == "python" or (self.lowering == "auto" and not worth):
+        if self.lowering == "python" or (self.lowering != "machine" and not worth):
             return otherwise()
         try:
             return in_machine_code()

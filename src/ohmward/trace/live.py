@@ -87,3 +87,34 @@ class MachineLive:
     def is_finite(self) -> bool:
         """True where every number of the state is finite."""
         return math.isfinite(self._code.state.dot(self._zeros))  # 0 * inf is nan; a third of the time of np.isfinite
+
+
+class PromptLive:
+    """Live step on Python floats until its machine code is there.
+
+    is_compiled: true from then on.  in_machine_code: the live step that continues from a state.
+    """
+
+    def __init__(self, first: Live, is_compiled: Callable[[], bool], in_machine_code: Callable[[Any], Live]):
+        self._live = first
+        self._is_compiled, self._in_machine_code = is_compiled, in_machine_code
+        self.step = self._step
+
+    def _step(self, sample: Any) -> Any:
+        if self._is_compiled():
+            self._live = self._in_machine_code(self._live.state)
+            self.step = self._live.step
+        return self._live.step(sample)
+
+    @property
+    def state(self) -> Any:
+        """The state after the last sample."""
+        return self._live.state
+
+    @state.setter
+    def state(self, state: Any) -> None:
+        self._live.state = state
+
+    def is_finite(self) -> bool:
+        """True where every number of the state is finite."""
+        return self._live.is_finite()
