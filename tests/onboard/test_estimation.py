@@ -249,6 +249,15 @@ def test_another_battery_begins_with_the_capacity_of_the_label(battery):
     assert estimation.battery == battery
 
 
+def test_a_battery_that_was_just_put_in_is_not_silent(battery):
+    """Nav2 would drive home for the percentage 0 of a silent one."""
+    estimation = Estimation(battery)
+    estimation.put(0.0, {"battery_current_A": -3.0, "battery_voltage_V": 14.4})
+    estimation.put(0.5, {"battery_changed": 1.0})
+    assert estimation.state.battery is None
+    assert not estimation.state.is_silent("battery")
+
+
 def test_a_forecast_of_the_battery_that_was_taken_out_is_ignored(battery):
     estimation: Any = Estimation(battery, RLMA)
     estimation.put(0.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})

@@ -252,7 +252,9 @@ class Estimation:
             self.soc, self.cells, self.absence = self.soc_of(self.battery), None, None
             self._exchange, self.cell_loss = ExchangeWatch(), CellLoss(self.battery)
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
-            self.state = self.state._replace(battery=None, cells=None, range=None)
+            self.state = self.state._replace(
+                battery=None, cells=None, range=None, battery_time_s=math.nan, cells_time_s=math.nan
+            )
         if self.battery and self.range:
             before = self.range
             self.range = RangeEstimator(self.battery, before.consumption, cutoff_V=self._cutoff_V)
