@@ -157,10 +157,11 @@ def test_rows_of_dates_that_have_not_come_yet_are_dropped():
     assert dashboard.history()["unix_s"] == [*before, *after]
 
 
-def test_the_value_of_a_silent_sensor_is_not_shown():
+@pytest.mark.parametrize("level", [Level.ERROR, Level.STALE])
+def test_the_value_of_a_stuck_or_silent_sensor_is_not_shown(level):
     dashboard = filled_dashboard()
-    silent = drive()[-1].diagnostics[1]._replace(level=Level.STALE)
-    dashboard.take([drive()[-1]._replace(diagnostics=(silent,), sample={})])
+    useless = drive()[-1].diagnostics[1]._replace(level=level)
+    dashboard.take([drive()[-1]._replace(diagnostics=(useless,), sample={})])
     assert dashboard.view()["charge"]["voltage_V"] is None
     assert dashboard.view()["charge"]["current_A"] == -3.0
 

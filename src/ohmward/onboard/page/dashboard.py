@@ -87,9 +87,9 @@ class Dashboard:
         return _in_columns([row for row in self._rows if row[0] > since_unix_s])
 
     def _whole(self, state: RobotState) -> RobotState:
-        """The state with the last value of every sensor, not only of those in its sample; nan for silent ones."""
-        silent = [diagnostic.name for diagnostic in state.diagnostics if diagnostic.level == Level.STALE]
-        return state._replace(sample=self._sample | {name: math.nan for name in silent if name in self._sample})
+        """The state with the last value of every sensor, not only of those in its sample; nan for useless ones."""
+        useless = [diagnostic.name for diagnostic in state.diagnostics if diagnostic.level >= Level.ERROR]
+        return state._replace(sample=self._sample | {name: math.nan for name in useless if name in self._sample})
 
     def _remember(self, state: RobotState) -> None:
         if not 0.0 <= state.time_s - self._row_s < ROW_S:
