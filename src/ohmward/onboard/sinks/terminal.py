@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 from collections.abc import Iterator
@@ -54,9 +55,10 @@ def _parts(state: RobotState) -> Iterator[str]:
         yield text
     if state.battery:
         yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
-    if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:
-        reach, assumed = state.range, " (assumed)" if state.range.assumed else ""
-        yield f"range {reach.distance_m.p50 / 1e3:.1f} km, {reach.duration_s.p50 / SECONDS_PER_HOUR:.1f} h{assumed}"
+    if state.range and math.isfinite(state.range.distance_m.p50):
+        low, middle, high = (distance_m / 1e3 for distance_m in state.range.distance_m)
+        hours, assumed = state.range.duration_s.p50 / SECONDS_PER_HOUR, ", assumed" if state.range.assumed else ""
+        yield f"range {middle:.1f} km ({low:.1f} to {high:.1f}{assumed}), {hours:.1f} h"
     if state.slip:
         yield f"speed {state.slip.speed_m_s:z.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
         yield f"slip {' '.join(f'{100 * slip:.0f}' if slip == slip else '-' for slip in state.slip.slip_ratio)} %"

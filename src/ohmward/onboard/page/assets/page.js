@@ -77,7 +77,9 @@ function showRange(range) {
   say("range-unit", unit);
   const unsure = range.charge_known ? "" : "Not known, as the charge: ";
   const sure = `${unsure}${distance(range.distance_m.p10).join(" ")} with 90 %, ${distance(range.distance_m.p90).join(" ")} with 10 %.`;
-  say("range-sentence", range.assumed ? `${sure} Little has been driven yet: flat ground at a usual speed is assumed.` : sure);
+  const endless = "Not known: the ground has lately given more energy than it took.";
+  if (!isKnown(range.distance_m.p50)) say("range-sentence", endless);
+  else say("range-sentence", range.assumed ? `${sure} Little has been driven yet: flat ground at a usual speed is assumed.` : sure);
   say("time-left", range.charge_known ? duration(range.duration_s.p50) : "–");
   say("consumption", fixed(range.energy_J_per_m.p50, 0, " J/m"));
   say("home", isKnown(range.home_probability) ? `${(100 * range.home_probability).toFixed(0)} %` : "–");
