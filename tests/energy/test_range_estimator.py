@@ -409,6 +409,15 @@ def test_until_some_metres_are_driven_the_way_ahead_is_assumed():
     assert not driving.assumed
 
 
+def test_a_robot_that_has_stood_for_an_hour_says_that_the_way_is_assumed():
+    estimator, assumed = new(), []
+    for k in range(420):
+        now = estimator.update(10.0 * k, 0.8, 0.5 if k < 20 else 0.0, -1.0, V)
+        assumed.append(bool(now.assumed))
+    assert assumed[0] and assumed[-1] and not any(assumed[10:370])
+    assert RangeFlag.STOOD in now.flags
+
+
 def test_peaks_meet_the_resistance_that_the_loads_have_shown():
     """The file's resistance is of another temperature: the voltage sags four times as much, or a quarter."""
     for times in (0.25, 4.0):

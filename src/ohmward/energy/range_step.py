@@ -76,6 +76,7 @@ class RangeFlag(SampleFlag):
     NO_SPEED = 4  # likewise
     BAD_TIME = 8  # no number, or late: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
+    STOOD = 32  # hardly driven in the last hour: the way ahead is assumed as before the first drive
 
 
 class SocNow(NamedTuple):
@@ -122,7 +123,7 @@ class RangeEstimate(NamedTuple):
     @property
     def assumed(self) -> Any:
         """True while too little was driven to predict the way ahead: it is assumed flat, at a usual speed."""
-        return self.driven_m < LEAST_DRIVEN_M
+        return (self.driven_m < LEAST_DRIVEN_M) | (np.asarray(self.flags, dtype=int) & RangeFlag.STOOD > 0)
 
 
 class RangeState(NamedTuple):
@@ -198,7 +199,10 @@ class RangeSettings:
         moving_m = state.meter.moving.stretch.distance_m if state.meter.moving else 0.0
         if state.soc.soc <= self.reserve_soc:
             flags |= RangeFlag.RESERVE
-        return state, state.forecast._replace(driven_m=state.finished_m + moving_m, flags=flags)
+        driven_m = state.finished_m + moving_m
+        if total_distance_m(state.recent) + moving_m < LEAST_DRIVEN_M <= driven_m:
+            flags |= RangeFlag.STOOD
+        return state, state.forecast._replace(driven_m=driven_m, flags=flags)
 
     def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
         """The state after a sample of the drive; each finished stretch updates the consumption."""
