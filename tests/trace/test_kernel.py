@@ -377,7 +377,7 @@ def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkey
 
 
 def test_prompt_live_steps_begin_in_python_and_continue_in_machine_code():
-    kernel = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="prompt")
+    kernel: Any = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="prompt")
     with kernel_module._BEHIND:  # nothing is compiled meanwhile
         first, second = kernel.live(1.0), kernel.live(10.0)
         assert [first.step(2.0), first.state] == [2.0, 3.0]
