@@ -28,7 +28,7 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.energy.points import P90_SIGMA, Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.filters.consistency import BAND_95
-from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.quantities import SECONDS_PER_HOUR, limits_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -46,6 +46,17 @@ EVIDENCE: dict[str, frozenset[str]] = {
 
 #: Standard deviation of a charge uniformly distributed from empty to full.
 ANY_SOC_STD = 1.0 / math.sqrt(12.0)
+
+
+def usable(values: Mapping[str, float], state: RobotState) -> dict[str, float]:
+    """Latest values of the sensors by signal, nan for a silent or faulty one.
+
+    A silent battery makes its sensors nan at once; their own conditions follow at the next look.
+    """
+    useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
+    if state.is_silent("battery"):
+        useless |= {name for name in values if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
+    return {signal: math.nan if signal in useless else value for signal, value in values.items()}
 
 
 class Age(NamedTuple):

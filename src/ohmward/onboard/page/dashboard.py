@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import OhmwardError
+from ohmward.onboard.evidence import usable
 from ohmward.onboard.feed import MissionForecaster
 from ohmward.onboard.page.view import BATTERY, DRIVE, HISTORY, SLIP, history_row, view
 from ohmward.onboard.part import LOG
-from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.store.rows import columns_of
 from ohmward.onboard.store.store import Store
 from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
@@ -88,8 +89,7 @@ class Dashboard:
 
     def _whole(self, state: RobotState) -> RobotState:
         """The state with the last value of every sensor, not only of those in its sample; nan for useless ones."""
-        useless = [diagnostic.name for diagnostic in state.diagnostics if diagnostic.level >= Level.ERROR]
-        return state._replace(sample=self._sample | {name: math.nan for name in useless if name in self._sample})
+        return state._replace(sample=usable(self._sample, state))
 
     def _remember(self, state: RobotState) -> None:
         if not 0.0 <= state.time_s - self._row_s < ROW_S:

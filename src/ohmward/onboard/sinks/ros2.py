@@ -11,9 +11,9 @@ from typing import ClassVar, NamedTuple
 from ohmward.battery.file import load_battery
 from ohmward.checks import require_one_of
 from ohmward.onboard.clock import LEAP_S
-from ohmward.onboard.evidence import OF_CHARGE
+from ohmward.onboard.evidence import usable
 from ohmward.onboard.feed import Feed, Rate
-from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport, require_topics
@@ -150,7 +150,7 @@ class Translation:
             self._measured.clear()  # nothing yet, or not since everything restarted
         if (sink.battery_state or sink.home) and self._measured and self._battery.passes(state.time_s):
             cautious = sink.percentage == "low"
-            found = messages.battery_state(state, self._reporting(state), self._label, sink.base_frame, cautious)
+            found = messages.battery_state(state, usable(self._measured, state), self._label, sink.base_frame, cautious)
             if found["power_supply_status"] != messages.FULL:
                 self._measured.pop("battery_full", None)  # until the charger says so again
             time_s = state.time_s if state.is_silent("battery") else state.battery_time_s
@@ -176,13 +176,3 @@ class Translation:
             return False
         self._stamps[what] = Stamp(max(stamp.time_s, last.time_s), stamp.date_s)
         return True
-
-    def _reporting(self, state: RobotState) -> dict[str, float]:
-        """Latest values of the battery's sensors, nan for a silent or faulty one.
-
-        A silent battery makes its sensors nan at once; their own conditions follow at the next look.
-        """
-        useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
-        if state.is_silent("battery"):
-            useless |= {name for name in self._measured if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
-        return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}
