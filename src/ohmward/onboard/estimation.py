@@ -377,8 +377,8 @@ class Estimation:
             return
         if self.cells is None:
             known = self.soc.last
-            start = (None, INITIAL_SOC_STD) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
-            self.cells = PackEstimator(self.battery, *start, lowering=self.lowering)
+            soc, soc_std = (None, INITIAL_SOC_STD) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
+            self.cells = PackEstimator(self.battery, soc, soc_std, self.lowering)
         cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
         current_A = sample.values.get(CURRENT, math.nan)
         found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)
