@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import defaultdict
-from collections.abc import Coroutine, Iterator, Mapping
+from collections.abc import Coroutine, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.bags.bag_table import open_recording
-from ohmward.logs.bags.recording import CDR, Topic
+from ohmward.logs.bags.recording import CDR, Recorded
 from ohmward.logs.can_file import received_frames
 from ohmward.logs.objects_file import CHECKSUM, VICTRON
 from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
@@ -188,17 +188,19 @@ def topics_of_bag(path: str) -> list[BagTopic]:
     Raises:
         InputError: it is not a recording.
     """
-    return [_bag_topic(topic, payload) for topic, _, payload in open_recording(Path(path)).first_messages().values()]
+    return [_bag_topic(messages) for messages in open_recording(Path(path)).first_messages().values()]
 
 
-def _bag_topic(topic: Topic, payload: bytes) -> BagTopic:
-    """A topic with what a message of it shows, but for ROS 1."""
+def _bag_topic(messages: Sequence[Recorded]) -> BagTopic:
+    """A topic with what its first messages show, but for ROS 1."""
+    topic = messages[0].topic
     found = BagTopic(topic.name, topic.type)
     if topic.encoding != CDR or topic.type not in (BATTERY_STATE, JOINT_STATE):
         return found
-    layout, numbers = read(topic.type, payload)
-    joints = tuple(joint for path, joint in layout.texts.items() if path.startswith("name["))
-    return found._replace(joints=joints, voltage_V=numbers.get("voltage", math.nan))
+    read_of = [read(topic.type, message.payload) for message in messages]
+    texts = [text for layout, _ in read_of for text in layout.texts.items()]
+    joints = dict.fromkeys(joint for path, joint in texts if path.startswith("name["))
+    return found._replace(joints=tuple(joints), voltage_V=read_of[0][1].get("voltage", math.nan))
 
 
 def _for_so_long(listening: Coroutine[Any, Any, None], seconds: float) -> None:

@@ -67,7 +67,7 @@ def joint_states(names: list[str], speeds: np.ndarray) -> list[bytes]:
     ]
 
 
-def twists(speeds: np.ndarray, turns: np.ndarray | None = None) -> list[bytes]:
+def twists(speeds: np.ndarray, turns: np.ndarray | None = None, frame: str = "base_link") -> list[bytes]:
     """Messages `TwistWithCovarianceStamped` with these forward speeds and yaw rates (n,) and a std of 0.05 m/s."""
     found, type_ = store(), "geometry_msgs/msg/TwistWithCovarianceStamped"
     types = found.types
@@ -76,7 +76,7 @@ def twists(speeds: np.ndarray, turns: np.ndarray | None = None) -> list[bytes]:
     for k, (speed, turn) in enumerate(zip(speeds, np.zeros_like(speeds) if turns is None else turns, strict=True)):
         twist = types["geometry_msgs/msg/Twist"](vector(float(speed), 0.0, 0.0), vector(0.0, 0.0, float(turn)))
         known = types["geometry_msgs/msg/TwistWithCovariance"](twist, covariance)
-        messages.append(bytes(found.serialize_cdr(types[type_](header(types, k), known), type_)))
+        messages.append(bytes(found.serialize_cdr(types[type_](header(types, k, frame=frame), known), type_)))
     return messages
 
 

@@ -96,6 +96,27 @@ def test_a_drive_is_read_by_the_names_of_its_joints(tmp_path):
     np.testing.assert_array_equal(log.acceleration_m_s2, 0.1)
 
 
+def test_joints_of_several_publishers_on_one_topic(tmp_path):
+    """The arm speaks first, then each wheel with a message of its own."""
+    speeds = np.arange(1.0, 61.0)[:, None]
+    by_joint = [joint_states([name], speeds) for name in ("shoulder", "left_wheel_joint", "right_wheel_joint")]
+    messages = [by_joint[k % 3][k] for k in range(60)]
+    write_mcap(tmp_path / "drive.mcap", {"/joint_states": (JOINTS, messages)})
+    log = read_drive(tmp_path / "drive.mcap", ("left", "right"), 2)
+    np.testing.assert_array_equal(log.wheel_speed_rad_s[:, 0], speeds[1::3, 0])
+    np.testing.assert_allclose(log.wheel_speed_rad_s[1:-1, 1], speeds[4:-4:3, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("frame", ["map", "/robot1/odom"])
+def test_a_speed_in_a_frame_that_does_not_turn_with_the_robot_is_warned_of(tmp_path, frame):
+    speeds = np.linspace(0.0, 1.0, 100)
+    wheels = joint_states(["left_wheel_joint", "right_wheel_joint"], np.column_stack([speeds, speeds]))
+    topics = {"/joints": (JOINTS, wheels), "/gnss": (TWIST, twists(speeds, frame=frame))}
+    write_mcap(tmp_path / "drive.mcap", topics)
+    log = read_drive(tmp_path / "drive.mcap", ("left", "right"), 2, where={"topic": "/gnss"})
+    assert any(f"/gnss: its velocity is said to be in {frame!r}" in note.text for note in log.notes)
+
+
 def test_a_topic_with_a_speed_is_named_until_it_is_read(tmp_path):
     speeds = np.linspace(0.0, 1.0, 100)
     wheels = joint_states(["left_wheel_joint", "right_wheel_joint"], np.column_stack([speeds, speeds]))
@@ -106,6 +127,7 @@ def test_a_topic_with_a_speed_is_named_until_it_is_read(tmp_path):
         f"not read: /gnss ({TWIST}); add a forward speed that is not from the wheels with --topic NAME"
     ]
     log = read_drive(tmp_path / "drive.mcap", ("left", "right"), 2, where={"topic": "/gnss"})
+    assert not any("velocity is said" in note.text for note in log.notes)
     np.testing.assert_array_equal(log.speed_m_s, speeds)
     assert not any(note.text.startswith("not read") for note in log.notes)
 

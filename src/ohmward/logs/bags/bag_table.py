@@ -12,7 +12,17 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs import sqlite_file
 from ohmward.logs.bags import mcap_file, rosbag1_file
-from ohmward.logs.bags.recording import CDR, ROS1, Layout, Recorded, Recording, Topic, definitions_of, layout_of
+from ohmward.logs.bags.recording import (
+    CDR,
+    JOINT_STATE,
+    ROS1,
+    Layout,
+    Recorded,
+    Recording,
+    Topic,
+    definitions_of,
+    layout_of,
+)
 from ohmward.logs.table import (
     BATTERY,
     BOTH,
@@ -45,7 +55,7 @@ KNOWN = {
             **{"charge": "charge [Ah]", "percentage": "percentage", "power_supply_status": "power_supply_status"},
         },
     ),
-    "sensor_msgs/msg/JointState": KnownType(DRIVE, {}),
+    JOINT_STATE: KnownType(DRIVE, {}),
     "sensor_msgs/msg/Imu": KnownType(
         DRIVE,
         {
@@ -78,7 +88,7 @@ def column_names(topic: Topic, layout: Layout) -> dict[str, str]:
         return {f"{topic.name}/{path}".removesuffix("/data"): path for path in layout.numbers if not _is_stamp(path)}
     if topic.type == TABLE_TYPE:
         return {path: path for path in layout.numbers if not _is_stamp(path)}
-    if topic.type == "sensor_msgs/msg/JointState":
+    if topic.type == JOINT_STATE:
         return _of_joints(layout)
     named = {name: path for path, name in known.columns.items() if path in layout.numbers}
     return named | {path: path for path in layout.numbers if _CELL.fullmatch(path)}
@@ -269,26 +279,32 @@ def open_bag(path: Path) -> TableFile:
     if not first:
         raise InputError(f"{recording.source}: the recording holds no message; record it again, or name another one")
     # those in a known serialisation
-    readable = {name: message for name, message in first.items() if message.topic.encoding in (CDR, ROS1)}
-    types = {name: KNOWN.get(message.topic.type) for name, message in readable.items()}
+    readable = {name: messages for name, messages in first.items() if messages[0].topic.encoding in (CDR, ROS1)}
+    types = {name: KNOWN.get(messages[0].topic.type) for name, messages in readable.items()}
     known = [name for name, type_ in types.items() if type_ and not type_.by_name_only]
     return _table_file(recording, path.name, readable, known)
 
 
 def _table_file(
-    recording: Recording, source: str, first: Mapping[str, Recorded], chosen: list[str], notes: tuple[Note, ...] = ()
+    recording: Recording,
+    source: str,
+    first: Mapping[str, list[Recorded]],
+    chosen: list[str],
+    notes: tuple[Note, ...] = (),
 ) -> TableFile:
-    """The columns of some topics; first: the first message of each that can be chosen; notes: about the choice."""
-    topics = [first[name].topic for name in chosen]
-    of_topic = {topic.name: _columns(recording.source, first[topic.name]) for topic in topics}
+    """The columns of some topics; first: the first messages of each that can be chosen; notes: about the choice."""
+    topics = [first[name][0].topic for name in chosen]
+    layouts = {name: _layouts(recording.source, first[name]) for name in chosen}
+    of_topic = {t.name: _columns(t, layouts[t.name]) for t in topics}
+    notes += tuple(note for topic in topics for note in _frame_notes(topic, layouts[topic.name][0]))
     known = dict.fromkeys([TIME, *(name for columns in of_topic.values() for name in columns)])
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        with_any = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
+        with_any = [topic for topic in topics if of_topic[topic.name].keys() & set(names)] or topics
         return _load(recording, source, with_any, names, notes)
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
-        types = {name: message.topic.type for name, message in first.items()}
+        types = {name: messages[0].topic.type for name, messages in first.items()}
         of_part = choose_topics(source, kind, where, types, KNOWN)
         return _table_file(recording, source, first, of_part, _unread(kind, types, of_part))
 
@@ -307,16 +323,37 @@ def _unread(kind: str, types: Mapping[str, str], chosen: Collection[str]) -> tup
     return (Note(text),) if unread else ()
 
 
-def _columns(source: str, message: Recorded) -> list[str]:
-    """The columns of a topic, by its first message."""
-    topic = message.topic
-    try:
-        layout = layout_of(message.payload, topic.type, definitions_of(topic), topic.encoding)
-    except ValueError as error:
-        raise InputError(
-            f"{source}: topic {topic.name} cannot be read as {topic.type} ({error}); choose another topic"
-        ) from error
-    return list(column_names(topic, layout))
+#: Frames that do not move with a robot: of REP-105, and those of MAVROS.
+_FIXED_FRAMES = ("map", "odom", "earth", "world", "enu", "ned")
+
+
+def _frame_notes(topic: Topic, layout: Layout) -> Iterator[Note]:
+    """A warning for a velocity whose frame does not turn with the robot."""
+    frame = layout.texts.get("child_frame_id", layout.texts.get("header.frame_id", ""))
+    if topic.type in KNOWN and KNOWN[topic.type].by_name_only and frame.rpartition("/")[2] in _FIXED_FRAMES:
+        yield Note(
+            f"topic {topic.name}: its velocity is said to be in {frame!r}, a frame that does not turn with the robot; "
+            "if so, its x is no forward speed: leave the topic out, or publish it in base_link",
+            "warning",
+        )
+
+
+def _columns(topic: Topic, layouts: Collection[Layout]) -> dict[str, None]:
+    """The names of the columns of a topic, in order."""
+    return dict.fromkeys(name for layout in layouts for name in column_names(topic, layout))
+
+
+def _layouts(source: str, messages: Collection[Recorded]) -> list[Layout]:
+    """The layouts of the first messages of a topic."""
+    layouts = []
+    for topic, _, payload in messages:
+        try:
+            layouts.append(layout_of(payload, topic.type, definitions_of(topic), topic.encoding))
+        except ValueError as error:
+            raise InputError(
+                f"{source}: topic {topic.name} cannot be read as {topic.type} ({error}); choose another topic"
+            ) from error
+    return layouts
 
 
 def _load(

@@ -16,6 +16,9 @@ from ohmward.errors import InputError
 from ohmward.logs.table import Note
 from ohmward.optional import require
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+#: Several nodes may publish on a topic of joints, each the joints that it drives: so many messages are looked at.
+OF_JOINTS = 100
 #: Serialisations of messages, by the names that MCAP and rosbag2 give them: that of ROS 2 and that of ROS 1.
 CDR, ROS1 = "cdr", "ros1"
 
@@ -53,12 +56,18 @@ class Recording:
         """The messages of the topics of these names, in the order of the file."""
         return self.read(self, names)
 
-    def first_messages(self) -> dict[str, Recorded]:
-        """The first message of each topic that has one, by the name of the topic."""
-        first: dict[str, Recorded] = {}
+    def first_messages(self) -> dict[str, list[Recorded]]:
+        """The first message of each topic that has one, of joints the first `OF_JOINTS`, by the name of the topic."""
+        first: dict[str, list[Recorded]] = {}
+        incomplete = set(self.topics)
         for message in self.messages():
-            first.setdefault(message.topic.name, message)
-            if self.all_known and len(first) == len(self.topics):
+            of_topic = first.setdefault(message.topic.name, [])
+            wanted = OF_JOINTS if message.topic.type == JOINT_STATE else 1
+            if len(of_topic) < wanted:
+                of_topic.append(message)
+            if len(of_topic) == wanted:
+                incomplete.discard(message.topic.name)
+            if self.all_known and not incomplete:
                 break
         return first
 
