@@ -146,6 +146,49 @@ def test_frames_that_are_too_short_are_left_out_and_counted(tmp_path):
     assert any("1 frame could not be decoded" in note.text and note.level == "warning" for note in log.notes)
 
 
+def test_a_message_that_is_always_shorter_than_in_the_database_has_the_signals_that_fit(tmp_path):
+    path = WRITERS["candump"](tmp_path)
+    dbc = tmp_path / "longer.dbc"
+    dbc.write_text(DBC.replace("Volts: 4", "Volts: 8").replace("flags : 16|16", "flags : 48|16"))
+    log = read_log(path, hints=FileHints(dbc=str(dbc)))
+    np.testing.assert_allclose(log.voltage_V[np.isfinite(log.voltage_V)], VOLTAGE_V)
+
+
+def test_lines_of_candump_that_are_no_frames_are_left_out_and_counted(tmp_path):
+    path = WRITERS["candump"](tmp_path)
+    lines = path.read_text().splitlines()
+    lines[6] = lines[6][:20]
+    lines[51] = "read: Network is down"
+    path.write_text("\n".join(lines))
+    log = read_log(path, hints=hints(tmp_path))
+    assert log.duration_s == pytest.approx(0.1 * (N - 1), abs=0.05)
+    assert any("2 rows without a frame: left out" in note.text and note.level == "warning" for note in log.notes)
+
+
+@pytest.mark.parametrize("name", ["candump", "SavvyCAN"])
+def test_the_same_message_on_two_buses_is_asked_about(name, tmp_path):
+    path = WRITERS[name](tmp_path)
+    lines = path.read_text().splitlines()
+    bus, other = {"candump": (f" {lines[0].split()[1]} ", " can1 "), "SavvyCAN": (",Rx,0,", ",Rx,1,")}[name]
+    both = [each for line in lines for each in ([line, line.replace(bus, other)] if bus in line else [line])]
+    path.write_text("\n".join(both))
+    ending = other.strip(" ,").rpartition(",")[2]
+    with pytest.raises(InputError, match=rf"'Volts of {ending}.pack_voltage \[V\]' may be the voltage"):
+        read_log(path, hints=hints(tmp_path))
+    chosen = {"voltage": f"Volts of {ending}.pack_voltage [V]", "current": f"Pack of {ending}.pack_current [A]"}
+    log = read_log(path, hints=hints(tmp_path), columns=chosen, units={"voltage": "V", "current": "A"})
+    np.testing.assert_allclose(log.voltage_V[np.isfinite(log.voltage_V)], VOLTAGE_V)
+
+
+def test_two_messages_of_one_name_are_told_apart_by_their_identifiers(tmp_path, capfd):
+    path = WRITERS["candump"](tmp_path)
+    dbc = tmp_path / "twice.dbc"
+    dbc.write_text(DBC.replace("right_wheel", "left_wheel"))
+    with pytest.raises(InputError, match=r"left_wheel 11.speed.*left_wheel 12.speed"):
+        read_drive(path, ("left", "right"), 2, hints=FileHints(dbc=str(dbc)))
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize("share", [0.5, 0.9])
 def test_a_recording_that_was_cut_off_gives_what_is_before_the_cut(share, tmp_path):
     path = WRITERS["Vector BLF"](tmp_path)
@@ -197,7 +240,7 @@ def test_rows_of_savvycan_that_are_no_frames_are_left_out_and_counted(tmp_path):
     dbc.write_text(DBC.replace("BO_ 854", f"BO_ {0x1E5}"))
     log = read_log(path, hints=FileHints(dbc=str(dbc)))
     np.testing.assert_allclose(np.nanmin(log.current_A), -8.25)
-    assert any("2 rows that are no frames: left out" in note.text for note in log.notes)
+    assert any("2 rows without a frame: left out" in note.text for note in log.notes)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,9 +21,12 @@ from ohmward.logs.table import Note, Opener, Stream, Streams, TableFile, counted
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 
+T = TypeVar("T")
+
 #: Beginnings of texts, and the reader of python-can for each; "" for SavvyCAN's own table.
+_CANDUMP = "CanutilsLogReader"
 _TEXTS = (
-    (re.compile(rb"\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#"), "CanutilsLogReader"),
+    (re.compile(rb"\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#"), _CANDUMP),
     (re.compile(rb"date [^\n]*\n(?:[^\n]*\n)?base +(?:hex|dec)", re.IGNORECASE), "ASCReader"),
     (re.compile(rb";\$FILEVERSION=|;#{10,}"), "TRCReader"),
     (re.compile(rb"timestamp,arbitration_id,extended,"), "CSVReader"),
@@ -158,7 +161,8 @@ def load_can_database(path: str) -> Any:
     """The database of a bus: DBC, KCD, SYM or ARXML; InputError where it cannot be read."""
     cantools = require("cantools", "decoding CAN")
     try:
-        return cantools.database.load_file(path)
+        with silenced():  # it prints what it does not like
+            return cantools.database.load_file(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
     except Exception as error:  # the parsers raise many kinds
@@ -171,54 +175,72 @@ def _open_frames(
 ) -> TableFile:
     """The signals of frames by a database, a stream for each message; refused if it knows none of the frames.
 
-    A signal whose name occurs in several messages is called `MESSAGE.SIGNAL`.
+    A signal whose name occurs in several messages is called `MESSAGE.SIGNAL`. Messages of one name are told apart by
+    their buses, or else by their identifiers.
     """
-    times: dict[tuple[int, bool], list[float]] = defaultdict(list)
-    payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
-    for key, time_s, payload in received:
-        times[key].append(time_s)
-        payloads[key].append(payload)
+    times: dict[_Sender, list[float]] = defaultdict(list)
+    payloads: dict[_Sender, list[bytes]] = defaultdict(list)
+    for sender, time_s, payload in received:
+        times[sender].append(time_s)
+        payloads[sender].append(payload)
     if not payloads:
         raise InputError(f"{source}: the recording holds no frame; record it again")
-    decoded: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
-    unknown, broken = 0, 0
-    for identifier, is_extended in payloads:
+    decoded: dict[str, dict[_Sender, tuple[np.ndarray, dict[str, np.ndarray]]]] = defaultdict(dict)
+    unknown, broken = set(), 0
+    for sender in payloads:
         try:
-            message = database.get_message_by_frame_id(identifier, force_extended_id=is_extended)
+            message = database.get_message_by_frame_id(sender.identifier, force_extended_id=sender.is_extended)
         except KeyError:
-            unknown += 1
+            unknown.add(sender.identifier)
             continue
-        whole, columns = _decoded(message, payloads[identifier, is_extended])
+        whole, columns = _decoded(message, payloads[sender])
         broken += int(np.count_nonzero(~whole))
         if whole.any():
-            decoded[message.name] = np.array(times[identifier, is_extended])[whole], columns
+            decoded[message.name][sender] = np.array(times[sender])[whole], columns
     if not decoded:
         raise InputError(
             f"{source}: {hints.dbc} knows none of its frames; name the database of this bus with --dbc, or check "
-            f"whether identifiers are of 11 or 29 bits ({counted(unknown, 'identifier')}, {broken} frames not decoded)"
+            f"whether identifiers are of 11 or 29 bits ({counted(len(unknown), 'identifier')} not in it, {broken} "
+            "frames not decoded)"
         )
-    all_names = [name for _, columns in decoded.values() for name in columns]
+    named = {f"{name}{mark}": found for name, of_name in decoded.items() for mark, found in _marked(of_name).items()}
+    all_names = [name for _, columns in named.values() for name in columns]
     streams = {
         message: Stream(
             message,
             time_s,
             {name if all_names.count(name) == 1 else f"{message}.{name}": v for name, v in columns.items()},
         )
-        for message, (time_s, columns) in decoded.items()
+        for message, (time_s, columns) in named.items()
     }
     left_out = [Note(f"{counted(broken, 'frame')} could not be decoded: left out", "warning")] if broken else []
-    left_out += [Note(f"{counted(unknown, 'identifier')} not in {hints.dbc}: left out")] if unknown else []
+    left_out += [Note(f"{counted(len(unknown), 'identifier')} not in {hints.dbc}: left out")] if unknown else []
     what = f"messages of CAN by {hints.dbc}"
     return Streams(source, streams, what, notes=(*notes, *left_out), hints=hints).open()
 
 
+def _marked(found: Mapping[_Sender, T]) -> dict[str, T]:
+    """Values of the senders of one message, by their buses or identifiers where there are several."""
+    buses = {sender.bus for sender in found}
+    on_several = len(buses) > 1
+    by_identifier = len(found) > len(buses)
+    return {
+        f" {sender.identifier:X}" * by_identifier + f" of {sender.bus}" * on_several: value
+        for sender, value in found.items()
+    }
+
+
 def _decoded(message: Any, payloads: list[bytes]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Mask (n,) of the payloads that could be decoded, and their numeric signals, by name and unit."""
+    """Mask (n,) of the payloads that could be decoded, and their numeric signals, by name and unit.
+
+    Of a message that is always shorter than the database says, the signals that it has room for.
+    """
     units = {signal.name: signal.unit for signal in message.signals}
+    short = max(map(len, payloads)) < message.length
     known: dict[bytes, Mapping[str, Any]] = {}
     for payload in dict.fromkeys(payloads):
         with suppress(Exception):  # too short, or an unknown multiplexer
-            known[payload] = message.decode(payload, decode_choices=False)
+            known[payload] = message.decode(payload, decode_choices=False, allow_truncated=short)
     whole = np.array([payload in known for payload in payloads])
     good = [known[payload] for payload in payloads if payload in known]
     names = dict.fromkeys(name for row in good for name in row)
@@ -231,8 +253,16 @@ def _decoded(message: Any, payloads: list[bytes]) -> tuple[np.ndarray, dict[str,
     return whole, columns
 
 
-#: Identifier of a frame, and whether that has 29 bits; time [s]; payload.
-_Received = tuple[tuple[int, bool], float, bytes]
+class _Sender(NamedTuple):
+    """The identifier of frames, True where it has 29 bits, and the bus on which they were, "" where that is unknown."""
+
+    identifier: int
+    is_extended: bool
+    bus: str = ""
+
+
+#: Sender, time [s] and payload of a frame.
+_Received = tuple[_Sender, float, bytes]
 
 
 def received_frames(path: Path) -> Iterator[_Received]:
@@ -253,15 +283,36 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Rece
     try:
         # our own stream: python-can leaves its stream open on errors, and prints what it cannot read
         with silenced(), path.open("r" if is_text else "rb", errors="replace" if is_text else None) as stream:
-            for message in (getattr(can, reader) if is_text else _blf_reader(can))(stream):
+            for message in _messages(getattr(can, reader) if is_text else _blf_reader(can), stream, notes):
                 if message.is_error_frame or message.is_remote_frame:
                     continue
-                yield (message.arbitration_id, message.is_extended_id), message.timestamp, bytes(message.data)
+                bus = "" if message.channel is None else str(message.channel)
+                sender = _Sender(message.arbitration_id, message.is_extended_id, bus)
+                yield sender, message.timestamp, bytes(message.data)
                 is_empty = False
     except Exception as error:  # its parsers raise many kinds
         if is_empty:
             raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
+
+
+def _messages(reader: Any, stream: Any, notes: list[Note]) -> Iterator[Any]:
+    """The messages of a stream; lines of candump, each of which stands alone, that are no frames are left out."""
+    broken = 0
+    while True:
+        try:
+            yield from reader(stream)
+        except ValueError:
+            if reader.__name__ != _CANDUMP:
+                raise
+            broken += 1
+        else:
+            notes += _broken_notes(broken)
+            return
+
+
+def _broken_notes(count: int) -> list[Note]:
+    return [Note(f"{counted(count, 'row')} without a frame: left out", "warning")] if count else []
 
 
 #: Beginning of an object in a BLF file, and length of its header, of which bytes 8 to 12 hold the object's length.
@@ -298,14 +349,13 @@ def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterato
             try:
                 count = min(int(row["LEN"]), _FRAME_BYTES)
                 payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
-                key = int(row["ID"], 16), row["Extended"].strip().lower() == "true"
+                sender = _Sender(int(row["ID"], 16), row["Extended"].strip().lower() == "true", row.get("Bus") or "")
                 time_s = 1e-6 * float(row["Time Stamp"])
             except (KeyError, TypeError, ValueError, AttributeError):
                 broken += 1
                 continue
-            yield key, time_s, payload
-    if broken:
-        notes.append(Note(f"{counted(broken, 'row')} that are no frames: left out", "warning"))
+            yield sender, time_s, payload
+    notes += _broken_notes(broken)
 
 
 def _without_database(path: Path) -> InputError:

@@ -70,6 +70,7 @@ _KNOWN = tuple(
             "a TDMS file of LabVIEW; give TdmsFile.read('LOG.tdms').as_dataframe() of the package npTDMS as the log, "
             "or save it as CSV in Excel or DIAdem",
         ),
+        (rb'VERSION "[^"\n]*"\s', "a database of a CAN bus; give the recording, and this file with --dbc"),
         (rb"\*\*\*BUSMASTER", f"frames of a CAN bus of BUSMASTER{_TO_SAVVYCAN}"),
         (rb"\d{9,}\.\d+ (?:CXX|C[EV]\w|\d?[RT](?:11|29)) ", f"frames of a CAN bus of OVMS (CRTD){_TO_SAVVYCAN}"),
         (

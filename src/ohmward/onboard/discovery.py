@@ -72,8 +72,8 @@ def of_can_log(path: str, database: CanDatabase) -> list[Offered]:
         InputError: it cannot be read, or the database knows none of its frames.
     """
     heard = Heard()
-    for (identifier, is_extended), time_s, payload in received_frames(Path(path)):
-        heard.put(time_s, database.decoded(identifier, is_extended, payload) or {})
+    for sender, time_s, payload in received_frames(Path(path)):
+        heard.put(time_s, database.decoded(sender.identifier, sender.is_extended, payload) or {})
     if not heard.names:
         raise InputError(f"{path}: {database.path} knows none of its frames; name the database of this bus with --dbc")
     return of_database(database, heard)
