@@ -394,7 +394,9 @@ def test_what_was_there_is_kept_and_said(folder, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["nothing.xyz"], "is no source: give a CAN database"),
+        (["nothing.mcap"], "'nothing.mcap' is neither a file nor another source; give a CAN database"),
+        (["day.csv"], "day.csv is a recording neither of a CAN bus nor of ROS"),
+        (["."], "What is in a log: ohmward doctor ."),
         (["can0"], "frames have no names without the database of the bus: --dbc robot.dbc"),
         (["bus.dbc"], "neither a battery nor a robot to estimate with"),
         (
@@ -406,6 +408,7 @@ def test_what_was_there_is_kept_and_said(folder, capsys):
     ],
 )
 def test_what_cannot_be_is_refused_with_the_fix(bus_database, refused, words, message):
+    Path("day.csv").write_text("time_s,voltage_V,current_A\n0,13,0\n")
     assert message in refused("setup", *words)
 
 

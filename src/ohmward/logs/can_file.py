@@ -265,11 +265,20 @@ class _Sender(NamedTuple):
 _Received = tuple[_Sender, float, bytes]
 
 
-def received_frames(path: Path) -> Iterator[_Received]:
-    """The frames in a recording of a CAN bus of any kind; InputError where it is none, or cannot be read."""
+def is_can(path: Path) -> bool:
+    """True for a recording of a CAN bus that `received_frames` reads."""
+    return _reader_of(path) is not None
+
+
+def _reader_of(path: Path) -> str | None:
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
-    reader = _BLF if head.startswith(_BLF_MAGIC) else can_reader(head)
+    return _BLF if head.startswith(_BLF_MAGIC) else can_reader(head)
+
+
+def received_frames(path: Path) -> Iterator[_Received]:
+    """The frames in a recording of a CAN bus of any kind; InputError where it is none, or cannot be read."""
+    reader = _reader_of(path)
     if reader is None:
         raise InputError(f"{path.name}: no readable recording of CAN; record it with candump -l")
     yield from _of_python_can(path, reader, []) if reader else _of_savvycan(path, None, [])

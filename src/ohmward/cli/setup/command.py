@@ -23,6 +23,8 @@ from ohmward.cli.parser import Parser
 from ohmward.cli.setup import add_arguments
 from ohmward.cli.wording import bullets, fields, paragraphs
 from ohmward.errors import InputError
+from ohmward.logs.bags.bag_table import is_recording
+from ohmward.logs.can_file import is_can
 from ohmward.onboard import discovery
 from ohmward.onboard.can_bus import CanDatabase, CanPort
 from ohmward.onboard.message import ScaledSignal, signal_line
@@ -36,11 +38,14 @@ from ohmward.toml_file import noun_of
 from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import ROBOT_FILE
 
-_DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".blf", ".trc", ".csv")
-_RECORDINGS = (".mcap", ".db3", ".bag")
+_DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 _BUS = re.compile(r"(?P<interface>[a-z]\w*):(?P<channel>[^/].*)|(?P<link>v?can\d+)")
 _PORT = re.compile(r"/dev/\S+|COM\d+|socket://\S+")
 
+_SOURCES = (
+    f"give a CAN database ({', '.join(_DATABASES)}), a recording of CAN (candump, ASC, BLF, TRC, SavvyCAN) or of ROS "
+    "(MCAP, SQLite, rosbag1, or their folder), can0 or INTERFACE:CHANNEL, mqtt://HOST, or a serial port"
+)
 #: Example of a chemistry.
 _CHEMISTRY = "lfp"
 #: A cell may be charged at this many times its open-circuit voltage.
@@ -109,14 +114,19 @@ def _heard(one: Offered) -> str:
 
 def _look(source: str, args: argparse.Namespace) -> Offer:
     """The signals that a source offers."""
-    suffix = Path(source).suffix.lower()
-    if suffix in _DATABASES:
+    path = Path(source)
+    if path.suffix.lower() in _DATABASES:
         return _can(CanPort(channel=args.channel or "can0"), source, discovery.of_database(CanDatabase(source)))
-    if suffix in _RECORDINGS or Path(source).is_dir():
+    if (path.is_file() or path.is_dir()) and is_recording(path):
         return _recording(discovery.topics_of_bag(source), {})
-    if suffix in _CAN_LOGS and Path(source).exists():
+    if path.is_file() and is_can(path):
         log = discovery.of_can_log(source, CanDatabase(_database(source, args)))
         return _can(CanPort(channel=args.channel or "can0"), args.dbc, log)
+    if path.is_file() or path.is_dir():
+        raise InputError(
+            f"{source} is a recording neither of a CAN bus nor of ROS, so it does not show what the robot will send; "
+            f"{_SOURCES}. What is in a log: ohmward doctor {shlex.quote(source)}"
+        )
     if source.startswith("mqtt://"):
         return _broker(source, args)
     if _PORT.fullmatch(source):
@@ -124,10 +134,7 @@ def _look(source: str, args: argparse.Namespace) -> Offer:
     if found := _BUS.fullmatch(source):
         port = CanPort(found["interface"] or "socketcan", found["channel"] or found["link"])
         return _can(port, args.dbc, discovery.of_bus(port, CanDatabase(_database(source, args)), args.seconds))
-    raise InputError(
-        f"{source!r} is no source: give a CAN database (.dbc), a recording of CAN ({', '.join(_CAN_LOGS)}) or of ROS "
-        f"({', '.join(_RECORDINGS)}, a folder), can0 or INTERFACE:CHANNEL, mqtt://HOST, or a serial port"
-    )
+    raise InputError(f"{source!r} is neither a file nor another source; {_SOURCES}")
 
 
 def _database(source: str, args: argparse.Namespace) -> str:
