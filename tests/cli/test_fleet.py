@@ -47,6 +47,17 @@ def test_a_pattern_becomes_a_summary_and_the_second_run_is_done_at_once(folder, 
     assert json.loads(capsys.readouterr().out)["resumed"] == 3
 
 
+@pytest.mark.parametrize("command", ["fleet", "learn"])
+def test_a_log_comes_through_standard_input(folder, monkeypatch, capsys, command):
+    save_battery(generic_battery("nmc", 12.0), folder / "cell.toml")
+    with (folder / "logs" / "robot0.csv").open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        output = {"fleet": "out", "learn": "learnt.toml"}[command]
+        main([command, "-", "--battery", str(folder / "cell.toml"), "-o", str(folder / output), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["samples"] == 120 if command == "fleet" else found["logs"][0]["log"] == "standard input"
+
+
 def test_a_folder_is_all_of_its_logs(folder, capsys):
     command = ["fleet", str(folder / "logs"), "--battery", str(folder / "cell.toml"), "--json"]
     assert main([*command, "-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1"]) == 0

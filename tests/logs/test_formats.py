@@ -49,6 +49,11 @@ def test_a_file_is_the_same_through_standard_input(tmp_path, monkeypatch):
     assert log.name == "standard input"
 
 
+def test_a_device_without_an_end_is_refused():
+    with pytest.raises(InputError, match=r"/dev/zero is a device, which has no end"):
+        read_log("/dev/zero")
+
+
 @pytest.mark.parametrize("seed", range(60))
 def test_a_table_composed_at_random_is_read_right(seed, tmp_path):
     about, path = write(tmp_path, seed)

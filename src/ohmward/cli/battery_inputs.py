@@ -29,7 +29,7 @@ from ohmward.logs.bags.bag_table import METADATA, parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.read import open_table
+from ohmward.logs.read import open_table, with_streams_stored
 from ohmward.logs.selection import split_selection
 from ohmward.logs.table import LOG_ENDINGS, RECORDING_ENDINGS, TableFile
 
@@ -242,8 +242,13 @@ def log_files(words: Sequence[str]) -> list[str]:
 
 
 def _named(word: str) -> list[str]:
-    """The word itself for a file, a recording's folder or rows of either; else the files of the folder or pattern."""
+    """The word itself for a file, a recording's folder or rows of either; else the files of the folder or pattern.
+
+    Of standard input or a pipe a copy, which can be read several times.
+    """
     path = split_selection(word)[0]
+    if (stored := with_streams_stored(path)) != path:
+        return [str(stored)]
     if path.is_file() or (path.is_dir() and parts_of(path)):
         return [word]
     if path.is_dir():

@@ -95,7 +95,8 @@ _KNOWN = tuple(
 )
 
 
-STANDARD_INPUT = "-"
+#: Names of standard input.
+STANDARD_INPUT = ("-", "/dev/stdin")
 #: Name of a log from standard input or a pipe.
 _STREAM = "standard input"
 
@@ -110,9 +111,17 @@ def _stored(source: IO[bytes], name: str) -> Path:
     return copy
 
 
-def _stored_input(path: Path) -> Path:
-    """A stream as a file; InputError for an empty one."""
-    if str(path) == STANDARD_INPUT:
+def with_streams_stored(path: Path) -> Path:
+    """The path, or for standard input or a pipe that of a copy; InputError for an empty one, and for a device."""
+    is_input = str(path) in STANDARD_INPUT
+    if not is_input and (path.is_char_device() or path.is_block_device()):
+        raise InputError(
+            f"{path} is a device, which has no end: store what it sends in a file, and give that; what a robot sends "
+            f"on a serial line is read by `ohmward setup {path}`"
+        )
+    if not (is_input or path.is_fifo() or path.is_socket()):
+        return path
+    if is_input:
         copy = _stored(sys.stdin.buffer, _STREAM)
     else:
         with path.open("rb") as source:
@@ -195,8 +204,7 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
         )
     path = Path(source)
     try:
-        if str(path) == STANDARD_INPUT or path.is_fifo() or path.is_char_device() or path.is_socket():
-            path = _stored_input(path)
+        path = with_streams_stored(path)
         if path.is_dir() and not is_recording(path):
             return _open_folder(path, hints)
         return open_bag(path) if is_recording(path) else _open_file(path, hints)
