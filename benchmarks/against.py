@@ -86,7 +86,7 @@ def fleet(name):
 
 def soc(name):
     def run():
-        words = [sys.executable, "-m", "ohmward.cli", "soc", "log.parquet", "--battery", "battery.toml", "--json"]
+        words = [sys.executable, "-m", "ohmward", "soc", "log.parquet", "--battery", "battery.toml", "--json"]
         done = subprocess.run([*words, "--filter", name], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         assert done.returncode in (0, 1)  # 1: the battery does not fit
     def children():

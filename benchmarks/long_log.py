@@ -119,12 +119,12 @@ def run_case(folder: Path, case: Case) -> Cost:
     """The command as a user would type it; the smaller of two runs, the first of which may compile."""
     options = [word.replace("OUT", str(folder)) for word in case.options]
     words = ["soc", str(folder / f"log{case.suffix}"), "--battery", str(folder / "battery.toml"), *options]
-    return min(cost_of([sys.executable, "-m", "ohmward.cli", *words]) for _ in range(2))
+    return min(cost_of([sys.executable, "-m", "ohmward", *words]) for _ in range(2))
 
 
 def first_sign_s(folder: Path) -> float:
     """From the command to a bar on a terminal that says what is being done, the smaller of two."""
-    words = [sys.executable, "-m", "ohmward.cli", "soc", f"{folder}/log.parquet", "--battery", f"{folder}/battery.toml"]
+    words = [sys.executable, "-m", "ohmward", "soc", f"{folder}/log.parquet", "--battery", f"{folder}/battery.toml"]
     return min(_first_sign_s(words) for _ in range(2))
 
 

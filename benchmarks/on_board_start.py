@@ -42,7 +42,7 @@ def start(folder: str) -> float:
         manager.bind(f"{folder}/notify")
         manager.settimeout(60.0)
         environment = {**os.environ, "NOTIFY_SOCKET": f"{folder}/notify", "OHMWARD_CACHE": f"{folder}/cache"}
-        words = [sys.executable, "-m", "ohmward.cli", "run", "robot.toml"]
+        words = [sys.executable, "-m", "ohmward", "run", "robot.toml"]
         began_s = time.monotonic()
         process = subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.DEVNULL)
         try:

@@ -177,7 +177,7 @@ def start_up(repeats: int) -> Section:
         took = process("-c", FIRST_ESTIMATE.format(lowering=lowering))
         rows.append((f"Python to first estimate of the default, {lowering}", duration(took.median), spread(took)))
     goals.append(Goal("Python to first estimate of the default, code from the cache", took.median, 0.5))
-    took = process("-m", "ohmward.cli", "--help")
+    took = process("-m", "ohmward", "--help")
     rows.append(("`ohmward --help`", duration(took.median), spread(took)))
     goals.append(Goal("`ohmward --help`", took.median, 0.2))
     text = "Wall time of whole processes; least and most with NumPy's import."

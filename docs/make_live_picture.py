@@ -24,7 +24,7 @@ SIZE = {"width": 1280, "height": 1000}
 
 def main(wait_s: float = WAIT_S) -> None:
     """Run the demonstration, look at its page, write the picture."""
-    command = [sys.executable, "-m", "ohmward.cli", "run", "--demo"]
+    command = [sys.executable, "-m", "ohmward", "run", "--demo"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
             picture = photograph(address(process), wait_s)

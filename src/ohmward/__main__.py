@@ -1,8 +1,17 @@
-"""`python -m ohmward`: the command line where the script `ohmward` is not on the path."""
+"""The script `ohmward`, and `python -m ohmward` where that is not on the path: the command line."""
 
 import sys
 
-from ohmward.cli.main import main
+
+def run() -> int:
+    """Run the command line of sys.argv; its exit status. Ctrl-C is answered without a traceback from here on."""
+    try:
+        from ohmward.cli.main import main
+
+        return main()
+    except KeyboardInterrupt:
+        return 130
+
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run())

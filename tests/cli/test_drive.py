@@ -126,7 +126,7 @@ def robot():
 
 
 def drive(port, *options, **more):
-    words = [sys.executable, "-m", "ohmward.cli", "drive", f"127.0.0.1:{port}", *options]
+    words = [sys.executable, "-m", "ohmward", "drive", f"127.0.0.1:{port}", *options]
     return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
 
@@ -193,7 +193,7 @@ def test_a_robot_that_does_not_stop_is_named_with_the_emergency_stop(robot, monk
 )
 def test_what_is_wrong_is_one_line(words, message, capfd):
     result = subprocess.run(
-        [sys.executable, "-m", "ohmward.cli", "drive", *words], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "ohmward", "drive", *words], capture_output=True, text=True, check=False
     )
     assert result.returncode == 2
     assert message in result.stderr and len(result.stderr.splitlines()) == 1

@@ -55,7 +55,7 @@ def folder(tmp_path_factory):
 def soc(folder, name):
     """The object of --json and the peak of the memory [bytes]."""
     words = ["soc", f"{name}.parquet", "--battery", "battery.toml", "--json", "-o", f"{name}-estimates.parquet"]
-    command = [sys.executable, "-S", "-c", LAUNCHER, sys.executable, "-m", "ohmward.cli", *words]
+    command = [sys.executable, "-S", "-c", LAUNCHER, sys.executable, "-m", "ohmward", *words]
     out = subprocess.run([*command, "--report", f"{name}.html"], cwd=folder, check=True, stdout=subprocess.PIPE)
     return json.loads(out.stdout)
 

@@ -12,6 +12,7 @@ import pytest
 
 import ohmward
 from markdown_pages import redirected
+from ohmward.__main__ import run
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
 from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS, published
@@ -32,7 +33,7 @@ def python(*words: str, **options) -> subprocess.CompletedProcess:
 
 def ohmward_in_a_shell(line: str, **options) -> subprocess.CompletedProcess:
     return subprocess.run(
-        ["bash", "-c", line.replace("ohmward", f"{sys.executable} -m ohmward.cli")],
+        ["bash", "-c", line.replace("ohmward", f"{sys.executable} -m ohmward")],
         capture_output=True,
         text=True,
         check=False,
@@ -61,7 +62,7 @@ def test_help_is_instant():
         after = os.times()
         return after.children_user - before.children_user + after.children_system - before.children_system
 
-    of_help_s = min(cost_s("-m", "ohmward.cli", "--help") for _ in range(5))
+    of_help_s = min(cost_s("-m", "ohmward", "--help") for _ in range(5))
     assert of_help_s < 2 * min(cost_s("-c", "import numpy") for _ in range(5))
 
 
@@ -100,9 +101,19 @@ def test_a_path_that_the_system_refuses_is_no_fault_of_ohmward(words, here, refu
 
 def test_a_terminal_without_a_sign_loses_only_the_sign(here):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
-    done = python("-m", "ohmward.cli", "soc", "day.csv", "--battery", "battery.toml", env=environment)
+    done = python("-m", "ohmward", "soc", "day.csv", "--battery", "battery.toml", env=environment)
     assert done.returncode == 0, done.stderr
     assert re.search(r"% \? \d", done.stdout)
+
+
+def test_an_interrupt_while_modules_load_leaves_no_traceback(monkeypatch):
+    class Interrupted:
+        def find_spec(self, name, path=None, target=None):
+            raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "ohmward.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
+    assert run() == 130
 
 
 def test_abbreviated_options_are_refused(here, refused):

@@ -25,7 +25,7 @@ from ohmward_lab.onboard import demonstration
 
 
 def ohmward(*words, cwd, **options):
-    command = [sys.executable, "-m", "ohmward.cli", "run", *words]
+    command = [sys.executable, "-m", "ohmward", "run", *words]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, **options)
 
 
@@ -43,7 +43,7 @@ def test_the_commands_of_the_page_can_be_pasted(tmp_path):
     for line in block.splitlines():
         (program, *words), file = redirected(shlex.split(line))
         assert program == "ohmward"
-        command = [sys.executable, "-m", "ohmward.cli", *words]
+        command = [sys.executable, "-m", "ohmward", *words]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, (line, done.stdout, done.stderr)
         if file:
@@ -146,7 +146,7 @@ def test_a_signal_ends_it_cleanly(example):
         (example / "robot.toml").read_text(encoding="utf-8").replace('kind = "page"', 'kind = "json-lines"\npath = "x"')
     )
     (example / "robot.toml").write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "ohmward.cli", "run", "robot.toml"]
+    command = [sys.executable, "-m", "ohmward", "run", "robot.toml"]
     with subprocess.Popen(command, cwd=example, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         while not (example / "x").exists() or "soc_std" not in (example / "x").read_text():
             assert process.poll() is None
@@ -176,7 +176,7 @@ def test_bad_input_is_refused_with_the_fix(words, message, capsys, tmp_path, mon
 @pytest.mark.skipif(os.name == "nt", reason="POSIX")
 def test_the_demonstration_moves(tmp_path):
     """The newcomer's first minute; the page itself is tested in tests/onboard/test_page.py."""
-    command = [sys.executable, "-m", "ohmward.cli", "run", "--demo", "--seconds", "60"]
+    command = [sys.executable, "-m", "ohmward", "run", "--demo", "--seconds", "60"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
         moved: set[str] = set()

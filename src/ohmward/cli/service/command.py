@@ -102,7 +102,7 @@ def unit(setup: Path) -> str:
         InputError: a path holds a control character, such as a line break, which would add lines to the unit.
     """
     script = Path(sys.executable).with_name("ohmward")
-    program = [str(script)] if script.exists() else [sys.executable, "-m", "ohmward.cli"]
+    program = [str(script)] if script.exists() else [sys.executable, "-m", "ohmward"]
     words = [*program, "run", str(setup)]
     for word in words:
         if any(unicodedata.category(character) == "Cc" for character in word):
