@@ -23,7 +23,7 @@ from ohmward.traction.robot.robot import ROBOT_FILE
 from traction.examples import ROBOTS
 
 TEXT = ROBOT_FILE.dump(RLMA).partition("\n\n")[2]  # without the comments at its head
-lengths = st.floats(0.15, 2.0)
+lengths = st.floats(0.15, 0.6)
 shares = st.floats(0.0, 10.0)
 chassis = st.one_of(
     st.builds(Differential, lengths, lengths, lengths, st.sampled_from(["front", "all"])),
@@ -36,10 +36,10 @@ motors = st.builds(
 robots = st.builds(
     Robot,
     name=st.text(st.characters(codec="utf-8", exclude_categories=["C"])),
-    mass_kg=st.floats(1.0, 500.0),
-    yaw_inertia_kg_m2=st.floats(1e-3, 0.05),
+    mass_kg=st.floats(20.0, 40.0),
+    yaw_inertia_kg_m2=st.floats(0.1, 4.0),
     chassis=chassis,
-    wheel=st.builds(Wheel, st.floats(0.01, 0.14), st.floats(0.005, 0.1), st.floats(1e-5, 0.1)),
+    wheel=st.builds(Wheel, st.floats(0.02, 0.14), st.floats(0.005, 0.1), st.floats(1e-5, 0.008)),
     motor=motors,
     height_m=st.floats(0.0, 1.0),
     idle_W=shares,
@@ -106,7 +106,9 @@ def test_a_file_by_hand_needs_only_what_has_no_default():
         ("mass_kg = 42.0", "mass_kg = 42.0.0", "is not valid TOML: .*line"),
         ("radius_m = 0.12", "radius_m = 0.4", "wheel.radius_m must be below half the wheelbase of 0.628 m"),
         ("track_m = 0.3", "track_m = 0.001", "wheels front_left and front_right stand 0.001 m apart, less than"),
-        ("kg_m2 = 2.569826", "kg_m2 = 2569.8", "yaw_inertia_kg_m2 must be at most .*got 2569.8"),
+        ("kg_m2 = 2.569826", "kg_m2 = 2569.8", "yaw_inertia_kg_m2 must be between 0.0254 and 45.8 .*got 2569.8"),
+        ("mass_kg = 42.0", "mass_kg = 42000.0", "yaw_inertia_kg_m2 must be between .*correct one of them"),
+        ("track_m = 0.3", "track_m = 300.0", "wheel.radius_m must be between 0.75 and .* got 0.12"),
     ],
 )
 def test_mistakes_are_named_with_their_fix(old, new, message, tmp_path):

@@ -84,7 +84,7 @@ class Robot(RichDisplay):
         require_each_positive("robot.", self, "mass_kg", "yaw_inertia_kg_m2")
         require_each_not_negative("robot.", self, "height_m", "idle_W")
         self._check_room_for_wheels()
-        self._check_yaw_inertia()
+        self._check_sizes()
         if self.wheel_load_N:
             self._check_wheel_loads()
 
@@ -174,14 +174,23 @@ class Robot(RichDisplay):
                 f"{100 * _WEIGHING:.0f} %, got {found:.4g} N; correct the mass or the loads (newtons, not kilograms?)"
             )
 
-    def _check_yaw_inertia(self) -> None:
-        farthest = max(math.hypot(p.x_m, p.y_m) for p in self.places)
-        most = self.mass_kg * (3 * farthest) ** 2
-        if self.yaw_inertia_kg_m2 > most:
-            raise InputError(
-                f"robot.yaw_inertia_kg_m2 must be at most {most:.3g} (all mass at three times the distance of the "
-                f"farthest wheel), got {self.yaw_inertia_kg_m2:g}"
-            )
+    def _check_sizes(self) -> None:
+        """Refuse sizes that no robot has beside each other, as where one is in millimetres or grams."""
+        farthest_m = max(math.hypot(p.x_m, p.y_m) for p in self.places)
+        radius_m, mass_kg = self.wheel.radius_m, self.mass_kg
+        of_farthest, of_rim = "all mass at the farthest wheel", "all mass at the rim of one wheel"
+        for name, value, usual, what, least, most in (
+            ("wheel.radius_m", radius_m, farthest_m, "the distance of the farthest wheel", 1 / 200, 5.0),
+            ("wheel.width_m", self.wheel.width_m, radius_m, "wheel.radius_m", 1 / 100, 100.0),
+            ("robot.height_m", self.height_m, farthest_m, "the distance of the farthest wheel", 0.0, 10.0),
+            ("robot.yaw_inertia_kg_m2", self.yaw_inertia_kg_m2, mass_kg * farthest_m**2, of_farthest, 1 / 200, 9.0),
+            ("wheel.inertia_kg_m2", self.wheel.inertia_kg_m2, mass_kg * radius_m**2, of_rim, 0.0, 1.0),
+        ):
+            if not least * usual <= value <= most * usual:
+                raise InputError(
+                    f"{name} must be between {least * usual:.3g} and {most * usual:.3g} ({least:g} to {most:g} times "
+                    f"{what}, {usual:.3g}), got {value:g}; correct one of them (metres and kilograms?)"
+                )
 
 
 def free_sideways(robot: Robot) -> Robot:
