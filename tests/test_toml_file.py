@@ -73,6 +73,11 @@ def test_the_text():
             "radius_mm = 1.0",
             r"shapes\[0\].radius_mm is not a key of a drawing file; did you mean rad",
         ),
+        (
+            "radius_m = 1.0",
+            'radius_m = 1.0\ntitle = "x"',
+            r"shapes\[0\].title is not a key of a drawing file; title stands at",
+        ),
         ("[1.0, 2.0],", "[1.0, true],", r"grid\[0\]\[1\]: expected `float`, got `bool`"),
     ],
 )

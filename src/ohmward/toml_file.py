@@ -128,7 +128,10 @@ class TomlFile(Generic[T]):
         known = {f.name: f for f in fields(cls)}
         for key in table:
             if key not in known:
-                raise InputError(f"{_join(place, key)} is not a key of a {self.noun} file{_advice(key, list(known))}")
+                of_head = [f.name for f in fields(self.cls)] if place else []
+                raise InputError(
+                    f"{_join(place, key)} is not a key of a {self.noun} file{_advice(key, list(known), of_head)}"
+                )
         for name, f in known.items():
             if name not in table and f.default is MISSING and f.default_factory is MISSING:
                 raise InputError(f"{_join(place, name)} is missing; add it")
@@ -230,7 +233,10 @@ def _join(place: str, key: str) -> str:
     return f"{place}.{key}" if place else key
 
 
-def _advice(key: str, names: list[str]) -> str:
+def _advice(key: str, names: list[str], of_head: list[str]) -> str:
+    """What to do about an unknown key: names of its table, and those at the head of the file."""
+    if key in of_head:
+        return f"; {key} stands at the head of the file, above the first table"
     stem = key.rsplit("_", 1)[0]
     of_stem = [n for n in names if n.rsplit("_", 1)[0] == stem]
     near = difflib.get_close_matches(key, of_stem or names, n=1, cutoff=0.0 if of_stem else 0.6)

@@ -172,6 +172,8 @@ def test_bad_requests(words, message, there, refused):
         (("reserve_soc = 0.1", 'reserve_soc = "little"'), "reserve_soc: expected `float"),
         (("ohmward-plan/1", "plan"), "format must be"),
         (("speed_m_s = 0.5", "speed_m_s = 0"), "leg.speed_m_s must be > 0"),
+        (("speed_m_s = 0.5", "speed_m_s = 500"), "leg.speed_m_s must be between 0 and 50"),
+        (("reserve_soc = 0.1", "cutoff_V = 9000"), "the voltage of the full battery at rest, got 9000 (volts, not"),
         (("[[leg]]", "[leg]"), "plan.toml"),
     ],
 )

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.errors import InputError
+from ohmward.quantities import FASTEST_M_S
 
 #: Steepest slope [rad] that a wheeled robot may meet: 45 degrees.
 STEEPEST_RAD = math.pi / 4
@@ -46,7 +47,7 @@ class Leg:
 
     distance_m: float  #: length, >= 0; 0 with `stop_s` is a stop
     terrain: str  #: name of the terrain, as in the consumption table
-    speed_m_s: float  #: constant speed, > 0
+    speed_m_s: float  #: constant speed, > 0, at most 50
     grade_rad: float = 0.0  #: mean slope, > 0 uphill
     stop_s: float = 0.0  #: standing time at the end of the leg
     payload_kg: float = 0.0  #: in addition to the robot's mass
@@ -56,6 +57,7 @@ class Leg:
         if not self.terrain:
             raise InputError("leg.terrain must be a name, got an empty text")
         require_positive("leg.speed_m_s", self.speed_m_s)
+        require_between("leg.speed_m_s", self.speed_m_s, 0.0, FASTEST_M_S)
         require_between("leg.grade_rad", self.grade_rad, -STEEPEST_RAD, STEEPEST_RAD)
         require_each_not_negative("leg.", self, "distance_m", "stop_s", "payload_kg", "task_J")
 

@@ -33,7 +33,7 @@ from ohmward.energy.range_estimator import soc_now
 from ohmward.energy.range_step import RangeSettings, SocNow, battery_state
 from ohmward.energy.sag import NO_SAG, sag_along
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
-from ohmward.energy.usable_energy import BatteryState
+from ohmward.energy.usable_energy import BatteryState, require_cutoff
 from ohmward.errors import InputError
 from ohmward.filters.estimator import row_of
 from ohmward.logs.drive_log import DriveLog
@@ -220,7 +220,7 @@ def battery_at_end(
     """State of the battery as estimated at the end of the log, else as given, with notes of what was assumed.
 
     Raises:
-        InputError: no state of charge, or one below the reserve.
+        InputError: no state of charge, or one below the reserve; a cutoff that the full battery does not reach.
     """
     temperature_degC = _temperature_degC(plan, log)
     if estimates is not None:
@@ -230,8 +230,10 @@ def battery_at_end(
     else:
         raise InputError("settings.soc is needed with a plan alone: the state of charge now, 0 to 1")
     reserve_soc, notes = _reserve(settings, plan, log, now.soc)
+    cutoff_V = cutoff_of(settings, plan)
+    require_cutoff(battery, cutoff_V)
     sag_ohm = sag_along(log).ohm if log is not None and estimates is not None else NO_SAG
-    state = battery_state(battery, now, sag_ohm, reserve_soc=reserve_soc, cutoff_V=cutoff_of(settings, plan))
+    state = battery_state(battery, now, sag_ohm, reserve_soc=reserve_soc, cutoff_V=cutoff_V)
     return state, notes
 
 

@@ -35,7 +35,7 @@ from ohmward.energy.range import (
     with_peaks,
 )
 from ohmward.energy.sag import NO_SAG, Sag
-from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
+from ohmward.energy.usable_energy import BatteryState, discharge_curves, require_cutoff, usable_at
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LateSamples, clock_after
 from ohmward.filters.flags import SampleFlag
@@ -159,6 +159,7 @@ class RangeSettings:
         require_battery(self.battery)
         require_between("reserve_soc", self.reserve_soc, 0.0, 1.0)
         require_each_not_negative("", self, "cutoff_V", "payload_kg")
+        require_cutoff(self.battery, self.cutoff_V)
         require_positive("refresh_s", self.refresh_s)
         if not self.terrain:
             raise InputError("terrain must be the name of a ground, got an empty text")

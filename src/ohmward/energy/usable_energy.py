@@ -112,6 +112,16 @@ class BatteryState:
             )
 
 
+def require_cutoff(battery: Battery, cutoff_V: float) -> None:
+    """Raise InputError for a voltage at which the robot stops that the full battery does not reach at rest."""
+    full_V = float(battery.thevenin.ocv.voltage_V[-1])
+    if cutoff_V >= full_V:
+        raise InputError(
+            f"cutoff_V must be below {full_V:.4g} V, the voltage of the full battery at rest, got {cutoff_V:g} (volts, "
+            "not millivolts?)"
+        )
+
+
 class Discharge(NamedTuple):
     """Discharge at constant power of N batteries, sampled from the distribution of this one."""
 

@@ -11,7 +11,9 @@ from ohmward.filters.consistency import BAND_95
 
 
 def duration(seconds: float) -> str:
-    """A length of time in its natural unit: "12.5 s", "42 min", "9 h 25 min"."""
+    """A length of time in its natural unit: "12.5 s", "42 min", "9 h 25 min"; "-" where it is not known."""
+    if not known(seconds):
+        return "-"
     if seconds < 120:
         return f"{seconds:.3g} s"
     minutes = round(seconds / 60)
