@@ -176,6 +176,8 @@ def test_refusals_name_key_rule_and_value(old, new, message):
         ("n_series = 4", "n_series = 8", "1.65 V at half charge with n_series = 8, but cells of lfp have 3.29 V"),
         ('chemistry = "lfp"', 'chemistry = "lead-acid"', "but cells of lead-acid have 2.04 V: correct n_series, or"),
         ("capacity_Ah = 2.0\nchem", "capacity_Ah = 2000.0\nchem", "is the capacity in Ah, not mAh"),
+        ("voltage_max_V = 14.6", "voltage_max_V = 14600", "voltage_max_V must be at most 28.2 .*got 1.46e.04; in V"),
+        ("voltage_std_V = 0.005", "voltage_std_V = 50", "noise.voltage_std_V must be at most 7.05"),
     ],
 )
 def test_a_key_that_was_edited_against_the_others_is_refused(old, new, message, tmp_path):

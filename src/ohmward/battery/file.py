@@ -74,6 +74,7 @@ def load_battery(path: str | PathLike[str]) -> Battery:
     try:
         battery = replace(battery, chemistry=chemistry_name(battery.chemistry))
         _require_agreement(battery)
+        _require_credible_sizes(battery)
         return battery
     except InputError as error:
         raise InputError(f"battery file {path}: {error}") from error
@@ -94,10 +95,28 @@ def _require_agreement(battery: Battery) -> None:
             f"thevenin.ocv.voltage_V gives a cell {middle_V:.3g} V at half charge with n_series = {n}, but cells of "
             f"{battery.chemistry} have {usual_V:.3g} V: correct n_series, or the chemistry"
         )
-    r0_ohm_Ah = max(model.r0_discharge_ohm) * battery.capacity_Ah / n
-    if r0_ohm_Ah > _OTHER_RESISTANCE * usual.r0_ohm_Ah:
-        raise InputError(
-            f"capacity_Ah = {battery.capacity_Ah:g} and r0_discharge_ohm do not go together: a cell of "
-            f"{battery.chemistry} of that capacity has some {usual.r0_ohm_Ah / battery.capacity_Ah:.2g} ohm, not "
-            f"{r0_ohm_Ah / battery.capacity_Ah:.2g}; is the capacity in Ah, not mAh, and the resistance in ohm?"
-        )
+    for key in ("r0_discharge_ohm", "r0_charge_ohm"):
+        r0_ohm_Ah = max(getattr(model, key)) * battery.capacity_Ah / n
+        if r0_ohm_Ah > _OTHER_RESISTANCE * usual.r0_ohm_Ah:
+            raise InputError(
+                f"capacity_Ah = {battery.capacity_Ah:g} and {key} do not go together: a cell of {battery.chemistry} of "
+                f"that capacity has some {usual.r0_ohm_Ah / battery.capacity_Ah:.2g} ohm, not "
+                f"{r0_ohm_Ah / battery.capacity_Ah:.2g}; is the capacity in Ah, not mAh, and the resistance in ohm?"
+            )
+
+
+def _require_credible_sizes(battery: Battery) -> None:
+    """Raise InputError for a voltage or current far beyond those of the curve and the capacity."""
+    full_V = battery.thevenin.ocv.voltage_V[-1]
+    highest_V = 0.0 if battery.voltage_max_V == Battery.voltage_max_V else battery.voltage_max_V
+    for key, value, most in (
+        ("voltage_max_V", highest_V, 2.0 * full_V),
+        ("thevenin.ocv.hysteresis_V", max(battery.thevenin.ocv.hysteresis_V), 0.5 * full_V),
+        ("noise.voltage_std_V", battery.noise.voltage_std_V, 0.5 * full_V),
+        ("sensor.offset_std_A", battery.sensor.offset_std_A, battery.capacity_Ah),
+    ):
+        if value > most:
+            raise InputError(
+                f"{key} must be at most {most:.3g} for a battery of {full_V:.3g} V and {battery.capacity_Ah:g} Ah, got "
+                f"{value:.3g}; in V and A, not mV and mA?"
+            )
