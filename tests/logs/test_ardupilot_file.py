@@ -42,7 +42,7 @@ def dataflash(batteries: int = 1) -> bytes:
     return content
 
 
-def telemetry() -> bytes:
+def telemetry(systems: int = 1) -> bytes:
     from pymavlink.dialects.v20 import ardupilotmega
 
     class Sink:
@@ -53,11 +53,12 @@ def telemetry() -> bytes:
             self.packets.append(bytes(packet))
 
     sink, content = Sink(), b""
-    mav = ardupilotmega.MAVLink(sink, srcSystem=1)
+    senders = [ardupilotmega.MAVLink(sink, srcSystem=1 + number) for number in range(systems)]
     for k in range(N):
         cells = [round(1000 * float(VOLTAGE_V[k]) / 4)] * 4 + [65535] * 6
-        mav.battery_status_send(0, 0, 0, 2150, cells, round(100 * float(CURRENT_A[k])), -1, -1, 80)
-        mav.wheel_distance_send(1000 * k, 2, [0.02 * k, 0.01 * k, *[0.0] * 14])
+        for number, mav in enumerate(senders, start=1):
+            mav.battery_status_send(0, 0, 0, 2150, cells, round(100 * number * float(CURRENT_A[k])), -1, -1, 80)
+            mav.wheel_distance_send(1000 * k, 2, [0.02 * k, 0.01 * k, *[0.0] * 14])
     for number, packet in enumerate(sink.packets):
         content += struct.pack(">Q", 1_770_000_000_000_000 + 50_000 * number) + packet
     return content
@@ -75,6 +76,14 @@ def test_a_battery_of_dataflash(tmp_path):
     np.testing.assert_array_equal(log.voltage_V, VOLTAGE_V)
     np.testing.assert_allclose(log.dt_s, 0.1, atol=1e-9)
     np.testing.assert_allclose(log.measured()["temperature_degC"], 21.5)
+
+
+def test_the_battery_of_a_second_vehicle_is_named(tmp_path):
+    path = write(tmp_path, "two.tlog", telemetry(systems=2))
+    with pytest.raises(InputError, match=r"both BATTERY_STATUS\[0\] and BATTERY_STATUS\[2000\] are of type"):
+        read_log(path)
+    log = read_log(path, where={"topic": "BATTERY_STATUS[2000]"})
+    np.testing.assert_allclose(log.current_A, -2 * CURRENT_A, atol=1e-6)
 
 
 def test_a_second_battery_is_named(tmp_path):

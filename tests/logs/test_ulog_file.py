@@ -48,6 +48,17 @@ def test_a_battery_and_the_sign_of_its_current(tmp_path):
     np.testing.assert_allclose(log.dt_s, 0.1, atol=1e-9)
 
 
+def test_a_current_that_is_not_measured_is_none(tmp_path):
+    """PX4 writes -1 where it has no sensor."""
+    known = write_ulog(tmp_path / "flight.ulg")
+    content = (tmp_path / "flight.ulg").read_bytes()
+    for value in known["current"]:
+        content = content.replace(struct.pack("<ff", value, 0.5), struct.pack("<ff", -1.0, 0.5))
+    (tmp_path / "flight.ulg").write_bytes(content)
+    with pytest.raises(InputError, match=r"column 'current \[A\]' has no value"):
+        read_log(tmp_path / "flight.ulg")
+
+
 def test_wheels(tmp_path):
     write_ulog(tmp_path / "drive.ulg")
     log = read_drive(tmp_path / "drive.ulg", ("left", "right"), 2)

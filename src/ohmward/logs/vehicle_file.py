@@ -64,12 +64,22 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     timed = [data for data in log.data_list if "timestamp" in data.data]
     for data in timed:
         name = f"{data.name}[{data.multi_id}]" if data.multi_id else data.name
-        columns = _named(_PX4, name, data.name, {key: v for key, v in data.data.items() if key != "timestamp"})
+        values = {key: _measured(key, v) for key, v in data.data.items() if key != "timestamp"}
+        columns = _named(_PX4, name, data.name, values)
         streams[name] = Stream(data.name, 1e-6 * np.asarray(data.data["timestamp"], float), columns)
     damaged = (Note("the file is damaged: what could not be read was left out", "warning"),)
     sign = "discharge" if any(stream.type == "battery_status" for stream in streams.values()) else None
     notes = damaged if log.file_corruption or len(timed) < len(log.data_list) else ()
     return Streams(path.name, streams, "topics of PX4", _PX4, sign, notes, hints).open()
+
+
+#: Fields in which PX4 writes -1 where nothing is measured.
+_PX4_UNMEASURED = ("current_a", "remaining")
+
+
+def _measured(field: str, values: np.ndarray) -> np.ndarray:
+    """The values (n,) of a field of PX4, NaN where nothing was measured."""
+    return np.where(values == -1, np.nan, values) if field in _PX4_UNMEASURED else values
 
 
 #: Messages have room for more cells and wheels than there are: the others stay 0.
@@ -188,6 +198,11 @@ def _of_dataflash(reader: Any, path: Path) -> Iterator[_LoggedMessage]:
 
 
 def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
+    """The messages of all vehicles.
+
+    Of a vehicle that is not the first to send a type the instances count from 1000 times the number of its system.
+    """
+    first: dict[str, int] = {}
     with contextlib.closing(log):
         while (message := log.recv_msg()) is not None:
             type_ = message.get_type()
@@ -198,7 +213,9 @@ def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
             values |= {f"{name}[{k}]": item for name, items in lists.items() for k, item in enumerate(items)}
             if type_ == "BATTERY_STATUS":
                 values = _battery_status(message)
-            yield _LoggedMessage(type_, int(getattr(message, "id", 0)), message._timestamp, values)
+            system = message.get_srcSystem()
+            of_other = 0 if first.setdefault(type_, system) == system else 1000 * system
+            yield _LoggedMessage(type_, of_other + int(getattr(message, "id", 0)), message._timestamp, values)
 
 
 def _battery_status(message: Any) -> dict[str, float]:
