@@ -27,6 +27,8 @@ def _zip(*names: str) -> bytes:
         (b"TDSm\x0e\x00\x00\x00" + bytes(90), "TDMS file of LabVIEW.*npTDMS"),
         (b"***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n", "BUSMASTER; open it in SavvyCAN"),
         (b"1320745424.000 CXX OVMS Car log\n1320745424.002 R11 402 FA 01\n", "CRTD.*SavvyCAN"),
+        (b"date Mon Nov 30 10:00:00 am 2026\nbase hex  timestamps relative\n", "export it again with absolute ones"),
+        (b'VERSION ""\n\nNS_ :\n', "a database of a CAN bus; give the recording, and this file with --dbc"),
         (b"1700000000.002 1R29 18FF5000 FA 01\n", "CRTD.*SavvyCAN"),
         (b"  can0  123   [8]  00 11 22 33 44 55 66 77\n", "candump -l can0"),
         (b" (1700000000.000001)  vcan0  123   [2]  00 11\n", "candump -l can0"),

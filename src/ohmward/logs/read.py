@@ -71,6 +71,10 @@ _KNOWN = tuple(
             "or save it as CSV in Excel or DIAdem",
         ),
         (rb'VERSION "[^"\n]*"\s', "a database of a CAN bus; give the recording, and this file with --dbc"),
+        (
+            rb"(?i:date [^\n]*\n\s*base +\w+ +timestamps +relative)",
+            "frames of a CAN bus with times that count from the event before; export it again with absolute ones",
+        ),
         (rb"\*\*\*BUSMASTER", f"frames of a CAN bus of BUSMASTER{_TO_SAVVYCAN}"),
         (rb"\d{9,}\.\d+ (?:CXX|C[EV]\w|\d?[RT](?:11|29)) ", f"frames of a CAN bus of OVMS (CRTD){_TO_SAVVYCAN}"),
         (
