@@ -216,6 +216,13 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
     assert without_spikes(VOLTAGE, voltage_V) == (voltage_V, ())
 
 
+def test_a_voltage_of_zero_is_no_measurement_however_long_it_lasts():
+    voltage_V = np.where(np.arange(400) < 60, 0.0, 13.2)
+    found_V, notes = without_spikes(VOLTAGE, voltage_V)
+    np.testing.assert_array_equal(np.isnan(found_V), voltage_V == 0.0)
+    assert "60 voltages of 0 V left out" in str(notes)
+
+
 @pytest.mark.parametrize("value", [-40.0, 0.0, 85.0])
 def test_single_temperatures_far_from_those_around_are_left_out_and_counted(value):
     degC = 23.0 + 10.0 * np.linspace(0.0, 1.0, 400)

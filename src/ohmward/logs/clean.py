@@ -87,9 +87,14 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 
 
 def without_spikes(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """Voltages or temperatures (T,), isolated impossible values, such as 65.535 V, set to NaN, and a note on them."""
+    """Voltages or temperatures (T,), isolated impossible values, such as 65.535 V, set to NaN, and a note on them.
+
+    Voltages of 0 are no measurement however long they last, as before a battery is connected.
+    """
     usual = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     rows, _ = _alone(values, usual, _FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * abs(usual))
+    if quantity.unit == "V" and usual > 0.0:
+        rows = np.union1d(rows, np.flatnonzero(values == 0.0))
     return without_rows(quantity, values, rows, "no measurement, far from the rows around")
 
 
