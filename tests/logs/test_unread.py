@@ -34,7 +34,7 @@ def _zip(*names: str) -> bytes:
         (b" (1700000000.000001)  vcan0  123   [2]  00 11\n", "candump -l can0"),
         (b"\x80\x04\x95" + bytes(90), "pickle of Python"),
         (b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250), "an archive of tar; unpack it"),
-        (gzip.compress(b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250)), "a packed archive of tar; unpack it"),
+        (gzip.compress(b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250)), "an archive of tar; unpack it"),
         (_zip("a.csv", "b.csv"), r"an archive of 2 logs \('a.csv', 'b.csv'\); unpack it"),
         (b"%PDF-1.7\n" + bytes(90), "PDF document"),
         (b'<?xml version="1.0"?>\n<!-- a mower -->\n<robot name="m">', "a URDF; .*ohmward robot FILE"),

@@ -35,11 +35,11 @@ def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
         InputError: not text, empty, no header, or (on loading) no rows or a row with the wrong number of cells.
     """
     hints = hints or FileHints()
-    with _readable(path):
+    with readable(path):
         layout = find_layout(path, hints)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        with _readable(path):
+        with readable(path):
             return _load(path, layout, [name for name in layout.names if name in names], progress)
 
     names = tuple(name for name in layout.names if name)
@@ -52,7 +52,7 @@ def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
+def readable(path: Path) -> Iterator[None]:
     """Turn the errors of a damaged gzip file, of an endless cell and of an encoding into one that names the file."""
     try:
         yield

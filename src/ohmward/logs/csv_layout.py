@@ -197,7 +197,10 @@ class _Split(NamedTuple):
     block: ValueBlock
 
 
-class _LimitedGzip(gzip.GzipFile):
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+class LimitedGzip(gzip.GzipFile):
     """A gzip file that ends where it was cut off, and refuses to be read once it has unpacked to too much for a log."""
 
     def __init__(self, path: Path, mode: Literal["rb"]) -> None:
@@ -206,6 +209,7 @@ class _LimitedGzip(gzip.GzipFile):
         self.is_cut = False
 
     def read1(self, size: int = -1) -> bytes:
+        """Up to so many bytes; none where the file was cut off."""
         unpacked, taken = self.tell(), max(self.packed.tell(), 1)
         if unpacked > UNPACKED_BYTES and unpacked > UNPACKED_TIMES * taken:
             raise InputError(
@@ -222,7 +226,7 @@ class _LimitedGzip(gzip.GzipFile):
 def open_text(path: Path, encoding: str | None = None) -> TextIO:
     """The file as text, plain or gzip, in an encoding, or in the one found; InputError where it is not text."""
     with path.open("rb") as stream:
-        opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
+        opener = LimitedGzip if stream.read(2) == GZIP_MAGIC else open
     if encoding is None:
         with opener(path, "rb") as stream:
             head = b""
@@ -236,8 +240,6 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
 
 def _require_text(path: Path, head: bytes) -> None:
     """Refuse binary data; a power failure leaves zeros at the end of a file, and in single lines."""
-    if head[257:262] == b"ustar":
-        raise InputError(f"{path.name}: a packed archive of tar; unpack it and name the log in it")
     lines = head.rstrip(b"\0\r\n").split(b"\n")
     binary = [k for k, line in enumerate(lines) if b"\0" in line]
     if binary and _CONTROL.search(b"\n".join(lines[:_BEGINNING])):

@@ -13,20 +13,20 @@ from contextlib import suppress
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import arrays_file, can_file, selection, vehicle_file
 from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware, open_numpy
-from ohmward.logs.bags.bag_table import is_recording, open_bag
+from ohmward.logs.bags.bag_table import MAGICS, is_recording, open_bag
 from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, read_clock
 from ohmward.logs.columns import Column, fraction_column, listed, other_times
-from ohmward.logs.csv_file import open_csv
-from ohmward.logs.csv_layout import UNPACKED_BYTES, UNPACKED_TIMES
+from ohmward.logs.csv_file import open_csv, readable
+from ohmward.logs.csv_layout import GZIP_MAGIC, UNPACKED_BYTES, UNPACKED_TIMES, LimitedGzip
 from ohmward.logs.frame import is_frame, open_frame, open_parquet
 from ohmward.logs.hints import HEAD_BYTES, TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
@@ -103,15 +103,17 @@ _KNOWN = tuple(
 STANDARD_INPUT = ("-", "/dev/stdin")
 #: Name of a log from standard input or a pipe.
 _STREAM = "standard input"
+#: Bytes copied at a time.
+_AT_ONCE = 1 << 20
 
 
-def _stored(source: IO[bytes], name: str) -> Path:
+def _stored(read: Callable[[int], bytes], name: str) -> Path:
     """Copy a stream, which can be read only once, to a temporary file that is deleted when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = folder / name
     with copy.open("wb") as target:
-        shutil.copyfileobj(source, target)
+        target.writelines(iter(partial(read, _AT_ONCE), b""))
     return copy
 
 
@@ -126,10 +128,10 @@ def with_streams_stored(path: Path) -> Path:
     if not (is_input or path.is_fifo() or path.is_socket()):
         return path
     if is_input:
-        copy = _stored(sys.stdin.buffer, _STREAM)
+        copy = _stored(sys.stdin.buffer.read, _STREAM)
     else:
         with path.open("rb") as source:
-            copy = _stored(source, _STREAM)
+            copy = _stored(source.read, _STREAM)
     if not copy.stat().st_size:
         raise InputError(f"{_STREAM} is empty; a log needs a header line and rows below it")
     return copy
@@ -219,14 +221,22 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
 
 
 def _open_file(path: Path, hints: FileHints) -> TableFile:
-    """Open one file, whose format is recognised by its first bytes."""
+    """Open one file, whose format is recognised by its first bytes, and unpack it if need be."""
     if path.suffix.lower() == ".toml":
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
+    is_packed = head.startswith(GZIP_MAGIC)
+    if is_packed:
+        with readable(path), LimitedGzip(path, "rb") as unpacked:
+            head = unpacked.read1(HEAD_BYTES)
     if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
         raise InputError(f"{path.name}: {about}")
-    return as_wide(opener_of(head)(path, hints))
+    opener = opener_of(head)
+    if is_packed and (opener is not open_csv or head.startswith(MAGICS)):  # text tables are unpacked as they are read
+        with readable(path), LimitedGzip(path, "rb") as unpacked:
+            return open_table(_stored(unpacked.read1, path.name.removesuffix(".gz")), hints)
+    return as_wide(opener(path, hints))
 
 
 def opener_of(head: bytes) -> Opener:
@@ -259,7 +269,7 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
         if logs[0].file_size > max(UNPACKED_BYTES, UNPACKED_TIMES * logs[0].compress_size):
             raise InputError(f"{path.name}: {logs[0].filename} unpacks to far more than a log would; unpack it first")
         with archive.open(logs[0]) as source:
-            return _open_file(_stored(source, Path(logs[0].filename).name), hints)
+            return _open_file(_stored(source.read, Path(logs[0].filename).name), hints)
 
 
 #: Texts in an archive beside its log; parts of a workbook.

@@ -1,5 +1,6 @@
 """Bags as logs: every format, topics by type and by name, messages that are damaged."""
 
+import gzip
 import sqlite3
 import time
 
@@ -208,3 +209,24 @@ def test_messages_are_read_faster_than_one_by_one(tmp_path):
     assert table.line.size == count
     np.testing.assert_array_equal(table.columns["current [A]"], np.tile(truth(1000)["current"], count // 1000))
     assert (ended_s - began_s) / count < one_by_one_s / 1.5
+
+
+@pytest.mark.parametrize("name", ["NONE.mcap", "one.bag"])
+def test_a_packed_recording_is_unpacked(bags, tmp_path, name):
+    path = tmp_path / f"{name}.gz"
+    path.write_bytes(gzip.compress((bags / name).read_bytes()))
+    log = read_log(path)
+    assert log.name == name.partition(".")[0]
+    np.testing.assert_array_equal(log.current_A, truth()["current"])
+
+
+def test_a_recording_without_a_topic_of_ros_names_its_serialisations(tmp_path):
+    writing = pytest.importorskip("mcap.writer")
+    with (tmp_path / "json.mcap").open("wb") as stream:
+        writer = writing.Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/battery", "json", writer.register_schema("Battery", "jsonschema", b"{}"))
+        writer.add_message(channel, 1, b'{"voltage": 13.2}', 1)
+        writer.finish()
+    with pytest.raises(InputError, match=r"no topic is in a serialisation of ROS .*it has: /battery \(json\)"):
+        read_log(tmp_path / "json.mcap")

@@ -115,6 +115,8 @@ _OPENERS = {
     rosbag1_file.MAGIC: rosbag1_file.open_rosbag1,
     sqlite_file.MAGIC: sqlite_file.open_sqlite,
 }
+#: First bytes of recordings.
+MAGICS = tuple(_OPENERS)
 METADATA = "metadata.yaml"
 
 
@@ -280,6 +282,12 @@ def open_bag(path: Path) -> TableFile:
         raise InputError(f"{recording.source}: the recording holds no message; record it again, or name another one")
     # those in a known serialisation
     readable = {name: messages for name, messages in first.items() if messages[0].topic.encoding in (CDR, ROS1)}
+    if not readable:
+        listed = ", ".join(f"{name} ({messages[0].topic.encoding})" for name, messages in first.items())
+        raise InputError(
+            f"{recording.source}: no topic is in a serialisation of ROS (cdr, ros1); it has: {listed}; export the log "
+            "as CSV or JSON with the program that wrote it"
+        )
     types = {name: KNOWN.get(messages[0].topic.type) for name, messages in readable.items()}
     known = [name for name, type_ in types.items() if type_ and not type_.by_name_only]
     return _table_file(recording, path.name, readable, known)
