@@ -128,7 +128,8 @@ class TomlFile(Generic[T]):
         known = {f.name: f for f in fields(cls)}
         for key in table:
             if key not in known:
-                of_head = [f.name for f in fields(self.cls)] if place else []
+                head: type = self.cls
+                of_head = [f.name for f in fields(head)] if place else []
                 raise InputError(
                     f"{_join(place, key)} is not a key of a {self.noun} file{_advice(key, list(known), of_head)}"
                 )
