@@ -169,8 +169,11 @@ def test_the_files_form_no_circle():
 
 
 def test_own_modules_are_imported_at_the_top():
-    """But optional packages, commands, which are loaded by name, and what a command of one file needs for its work."""
-    commands = {f"cli.{name}" for name in COMMANDS}
+    """But optional packages, commands, which are loaded by name, and what a command of one file needs for its work.
+
+    The script loads the command line where it answers an interrupt.
+    """
+    commands = {f"cli.{name}" for name in COMMANDS} | {"__main__"}
     assert {module: late for module in MODULES - commands if (late := imports_of(module).late)} == {}
 
 
