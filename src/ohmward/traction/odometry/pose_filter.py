@@ -19,7 +19,7 @@ from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import cos, linearize, logical_not, maximum, minimum, sin, sqrt, where
+from ohmward.trace import cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
 from ohmward.traction.motion.sample import (
@@ -133,8 +133,8 @@ class PoseState(NamedTuple):
     changed_yaw_rad: Any = 0.0  #: yaw at the gyro's last change
     slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in that step
     distance_m: Any = 0.0  #: length of the path
-    #: (2,) standard deviation [m] of x and y by the squared yaw error, fully correlated
-    second_order_m: np.ndarray = np.zeros(2)
+    #: (2, 2) standard deviations [m] of x and y by the yaw error beyond its share in `belief`, along the way and across
+    nonlinear_m: np.ndarray = np.zeros((2, 2))
     turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
     agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk = OffsetWalk(0.0)  #: of the gyro
@@ -253,7 +253,7 @@ class PoseFilter:
             body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
         )
         distance_m = state.distance_m + travelled(body.belief, motion.input)
-        second_order_m = state.second_order_m + second_order(before, reckoned)
+        nonlinear_m = state.nonlinear_m + by_nonlinearity(before, reckoned)
         slides = motion.sensors.held.slides
         overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
         suspected = watch.suspected & logical_not(watch.stuck)
@@ -262,14 +262,14 @@ class PoseFilter:
         open_rad = where(turn.spins, abs(turn.turned_rad), turn.most_rad)
         missed = missed + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
-        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, second_order_m)
+        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, nonlinear_m)
         offset_walk = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, self.noise.gyro_offset_walk)
         no_encoder = some([some_silent(encoders, sensors, self.robot), turn.some_reversed])
         incidents = self.incidents(before, clean, no_encoder, motion, body)
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
-            motion.input.motion_std[0], distance_m, second_order_m, turn, agreed, offset_walk,
+            motion.input.motion_std[0], distance_m, nonlinear_m, turn, agreed, offset_walk,
         )  # fmt: skip
         return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
@@ -282,7 +282,9 @@ class PoseFilter:
     def predict(self, before: Belief, u: MotionInput) -> Belief:
         """Belief at the end of a step by dead reckoning."""
         Q = process_noise(before.mean, u, self.noise)
-        return extended.predict(before, lambda x: next_state(x, u, self.noise), Q)
+        mean, F = linearize(lambda x: next_state(x, u, self.noise), before.mean)
+        F[[X, Y], YAW] = F[[X, Y], YAW] * exp(-0.5 * before.cov[YAW, YAW])
+        return Belief(mean, mirror_lower(F @ before.cov @ F.T + Q))
 
     def correct(
         self,
@@ -318,14 +320,14 @@ class PoseFilter:
         missed: np.ndarray,
         turn: TurnWatch,
         distance_m: Scalar,
-        second_order_m: np.ndarray,
+        nonlinear_m: np.ndarray,
     ) -> OdometryEstimate:
         """The estimate still without flags; missed: `missed_variance` of a turn that is not known."""
         x, P = belief
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
-        across = np.array([*second_order_m, 0.0])
-        pose_cov = np.outer(across, across) + np.array([
+        apart = np.array([*nonlinear_m, np.zeros(2)])
+        pose_cov = apart @ apart.T + np.array([
             [P[X, X], P[X, Y], to_yaw[X]],
             [P[Y, X], P[Y, Y], to_yaw[Y]],
             [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
@@ -496,15 +498,22 @@ def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
     return choose(motion.by_driven, widen(belief, SLIP, slip * slip), belief)
 
 
-def second_order(before: Belief, after: Belief) -> np.ndarray:
-    """Contribution of a step to `PoseState.second_order_m` (2,).
+def by_nonlinearity(before: Belief, after: Belief) -> np.ndarray:
+    """Contribution of a step to `PoseState.nonlinear_m` (2, 2).
 
-    A yaw error e shortens the distance d along its direction by d (1 - cos e), with the root mean square sqrt(3)/2 d
-    s^2 for a normal e of a small standard deviation s, and sqrt(3/2) d for an unknown yaw. Yaw errors persist, so these
-    add up.
+    A normal yaw error e of standard deviation s changes the way d of a step by d (cos e - 1) along it and by d sin e
+    across it, of which q d e is linear, q = exp(-s^2/2). The rest has the mean squares
+
+        E(1 - cos e)^2 = (1 - q)^2 (q^2 + 2 q + 3) / 2,   E(sin e - q e)^2 = (1 - q^4) / 2 - q^2 s^2
+
+    Yaw errors persist, so these add up.
     """
-    share = minimum(0.5 * math.sqrt(3.0) * after.cov[YAW, YAW], math.sqrt(1.5))
-    return share * (after.mean[:YAW] - before.mean[:YAW])
+    variance = after.cov[YAW, YAW]
+    q = exp(-0.5 * variance)
+    along = (1.0 - q) * sqrt((q * q + 2.0 * q + 3.0) / 2.0)
+    across = std_of((1.0 - q**4) / 2.0 - q * q * variance)
+    dx, dy = after.mean[:YAW] - before.mean[:YAW]
+    return np.array([[along * dx, -across * dy], [along * dy, across * dx]])
 
 
 def motion_changed(u: MotionInput) -> np.ndarray:
