@@ -13,7 +13,7 @@ from ohmward.filters.estimator import rows_of
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.corrections import COMPARED_S, HEADING_WAIT
 from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
-from ohmward.traction.odometry.pose_filter import PoseFilter
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
@@ -444,5 +444,19 @@ def test_noise_is_checked_and_that_of_a_skid_steered_robot_is_wide():
         OdometryNoise(increment_walk=(0.1, 0.1))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="late_steps"):
         PoseFilter(RLMA, OdometryNoise(), late_steps=-1)
+    with pytest.raises(InputError, match=r"noise\.scrub must be"):
+        OdometryNoise(scrub=1.5)
     scrubbing = replace(RLMA, chassis=SkidSteer(0.3, 0.3, 0.3))
-    assert noise_of(scrubbing).turn_scale_std > 5 * noise_of(RLMA).turn_scale_std
+    assert noise_of(scrubbing).turn_scale_std >= 5 * noise_of(RLMA).turn_scale_std
+
+
+@pytest.mark.parametrize("effective_track_m, turns", [(None, 1.0 / 1.5), (0.57, 0.3 / 0.57)])
+def test_without_a_gyro_a_skid_steered_robot_turns_as_its_effective_track_or_a_usual_one_says(effective_track_m, turns):
+    chassis = SkidSteer(0.3, 0.3, 0.3, effective_track_m)
+    settings, steps, turn = pose_filter(replace(RLMA, chassis=chassis)), 500, 0.4
+    rims_m_s = np.array([0.5, 0.0, turn]) @ settings.robot.rolling.T
+    given = samples(settings, wheel_speed_rad_s=np.tile(rims_m_s / RLMA.wheel.radius_m, (steps, 1)))
+    e = run(settings, given)
+    assert e.yaw_rad[-1] == pytest.approx(turns * turn * steps * DT_S)
+    known_std = np.sqrt(e.pose_cov[-1, 2, 2]) / (turn * steps * DT_S)
+    assert known_std < 0.2 if effective_track_m else 0.15 < known_std < 0.3

@@ -317,10 +317,11 @@ def with_other_offset(belief: Belief, rad_s: Scalar, rejected_s: Scalar, time_s:
     return Belief(belief.mean, belief.cov + np.outer(change, change))
 
 
-def forget(belief: Belief, i: int, variance: Scalar) -> Belief:
-    """The belief with element i reset to zero with this variance."""
+def forget(belief: Belief, i: int, variance: Scalar, value: Scalar = 0.0) -> Belief:
+    """The belief with element i reset to this value and variance."""
     keep = np.array([0.0 if k == i else 1.0 for k in range(len(belief.mean))])
-    return inflate(Belief(belief.mean * keep, belief.cov * np.outer(keep, keep)), i, variance)
+    mean = np.array([value if k == i else x for k, x in enumerate(belief.mean)])
+    return inflate(Belief(mean, belief.cov * np.outer(keep, keep)), i, variance)
 
 
 def scrubbing(belief: Belief, sums: TurnSums) -> Belief:

@@ -62,6 +62,8 @@ class OdometryNoise:
     #: slip ratio of the driven wheels at constant speed; 0 if the radius contains it, because it was calibrated by
     #: driving
     creep: float = 0.0
+    #: share by which the robot turns less than its wheels show, as these scrub: 1 less the track over the effective one
+    scrub: float = 0.0
     #: random walk of the offset [rad/s per root of a second] until a drive shows it: two thirds of a degree per second
     #: in an hour, as it warms up
     gyro_offset_walk: float = 2e-4
@@ -94,7 +96,9 @@ class OdometryNoise:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            require_between(f"noise.{field.name}", getattr(self, field.name), 0.0, float("inf"))
+            if field.name != "scrub":
+                require_between(f"noise.{field.name}", getattr(self, field.name), 0.0, float("inf"))
+        require_between("noise.scrub", self.scrub, -1.0, 1.0)
         require_positive("noise.correlation_s", self.correlation_s)
         require_positive("noise.turn_correlation_s", self.turn_correlation_s)
         require_positive("noise.speed_correlation_s", self.speed_correlation_s)
@@ -104,12 +108,13 @@ class OdometryNoise:
 #: Standard deviation of an effective radius measured with a ruler (relative).
 RADIUS_STD = 0.01
 
-#: A skid-steered robot drags its wheels sideways: its effective track is 1.3 to 2 times the real one, depending on
+#: A skid-steered robot drags its wheels sideways: its effective track is 1.2 to 2 times the real one, depending on
 #: ground and load, and its centre of rotation moves between the axles and the sides. A Warthog's turn differs from its
 #: wheels' by 8 % over 1.5 s, and by more while the turn begins; its speed by 9 %, and in turns by 0.1 m times the rate.
 SCRUBBING = OdometryNoise(
     radius_std=RADIUS_STD,
-    turn_scale_std=0.3,
+    turn_scale_std=0.15,
+    scrub=1.0 / 3.0,
     slip_share=0.1,
     turn_share=0.2,
     side_arm_std_m=0.1,
@@ -117,6 +122,9 @@ SCRUBBING = OdometryNoise(
     side_slip_share=0.02,
 )
 
+
+#: Standard deviation of the share by which a robot of known effective track scrubs: it was found on one floor.
+KNOWN_SCRUB_STD = 0.1
 
 #: Error of a steering angle [rad] that lasts, by a servo's or a potentiometer's zero, and one that changes, by play;
 #: relative error of its scale, with that of the linkage.
@@ -128,6 +136,9 @@ def noise_of(robot: Robot) -> OdometryNoise:
     chassis, noise = robot.chassis, OdometryNoise()
     if isinstance(chassis, SkidSteer):
         noise = SCRUBBING
+        if chassis.effective_track_m is not None:
+            scrub = 1.0 - chassis.track_m / chassis.effective_track_m
+            noise = replace(noise, scrub=scrub, turn_scale_std=KNOWN_SCRUB_STD)
     elif isinstance(chassis, Steered):
         # An error of the steering angle changes the speeds of the rear wheels as unequal radii do.
         apart_per_rad = chassis.track_m / chassis.wheelbase_m / math.sqrt(2.0)
@@ -237,10 +248,11 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         TURN_SLIP: 1.0,
         SPEED_ERROR: 1.0,
     }
+    mean = np.array([-noise.scrub if i == TURN_SCALE else 0.0 for i in range(len(NAMES))])
     cov = np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))])
     cov[TURN_SCALE, TURN_SCALE] += cov[GYRO_SCALE, GYRO_SCALE]
     cov[TURN_SCALE, GYRO_SCALE] = cov[GYRO_SCALE, TURN_SCALE] = -cov[GYRO_SCALE, GYRO_SCALE]
-    return Belief(np.zeros(len(NAMES)), cov)
+    return Belief(mean, cov)
 
 
 def twist(x: np.ndarray, u: MotionInput) -> np.ndarray:

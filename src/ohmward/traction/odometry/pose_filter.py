@@ -197,7 +197,7 @@ class PoseFilter:
             pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), watch_encoders(self.robot), TurnSums(),
             empty_trail(steps), HeadingTimes(), Overrun(),
             turn=watch_of_turn(self.robot),
-            agreed=Agreed(turn_scale_variance=belief.cov[TURN_SCALE, TURN_SCALE]),
+            agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
             offset_walk=OffsetWalk(self.noise.gyro_offset_walk**2, offset_variance=belief.cov[OFFSET, OFFSET]),
         )  # fmt: skip
 
@@ -397,7 +397,7 @@ def newly(now: np.ndarray, before: np.ndarray) -> Scalar:
 
 def with_first_scale(belief: Belief, noise: OdometryNoise) -> Belief:
     """The belief with the scale of the wheels' turn as at the start: one that has stopped has spoilt it."""
-    return forget(belief, TURN_SCALE, noise.turn_scale_std**2 + noise.gyro_scale_std**2)
+    return forget(belief, TURN_SCALE, noise.turn_scale_std**2 + noise.gyro_scale_std**2, -noise.scrub)
 
 
 def when_agreed(before: Agreed, belief: Belief, watch: TurnWatch) -> Agreed:
@@ -411,9 +411,9 @@ def with_turn_of_wheels(belief: Belief, watch: TurnWatch, agreed: Agreed, noise:
 
     The way since then is lost, unless it is open anyway.
     """
-    first = forget(belief, TURN_SCALE, agreed.turn_scale_variance)
+    first = forget(belief, TURN_SCALE, agreed.turn_scale_variance, agreed.turn_scale)
     yaw_rad = agreed.yaw_rad + watch.turned_rad * (1.0 + agreed.turn_scale)
-    mean = {YAW: yaw_rad - belief.mean[YAW], TURN_SCALE: agreed.turn_scale}
+    mean = {YAW: yaw_rad - belief.mean[YAW]}
     across = missed_variance(where(watch.scaled, watch.most_rad, 0.0), watch.way_m)
     by_scale = agreed.turn_scale_variance + noise.turn_share**2
     variance = {X: across[0], Y: across[1], YAW: watch.turned_rad**2 * by_scale}
@@ -423,10 +423,9 @@ def with_turn_of_wheels(belief: Belief, watch: TurnWatch, agreed: Agreed, noise:
 
 def with_lost_way(belief: Belief, watch: TurnWatch, agreed: Agreed) -> Belief:
     """The belief without the way and the scale that encoders have shown since they began to count the other way."""
-    first = forget(forget(belief, TURN_SCALE, agreed.turn_scale_variance), SLIP, 1.0)
-    scale = np.array([agreed.turn_scale if i == TURN_SCALE else 0.0 for i in range(len(NAMES))])
+    first = forget(forget(belief, TURN_SCALE, agreed.turn_scale_variance, agreed.turn_scale), SLIP, 1.0)
     lost = np.array([watch.way_m if i in (X, Y) else 0.0 for i in range(len(NAMES))])
-    return Belief(first.mean + scale, first.cov + np.diag(lost * lost))
+    return Belief(first.mean, first.cov + np.diag(lost * lost))
 
 
 def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:

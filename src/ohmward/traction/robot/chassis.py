@@ -105,7 +105,7 @@ class SkidSteer(Rectangle):
 
     #: speed difference between the two sides over the yaw rate: the distance between the instantaneous centres of
     #: rotation of left and right wheels (Mandow et al. 2007), > 0. `ohmward calibrate` finds it; divided by `track_m`
-    #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`
+    #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`; the odometry then begins with 1.5 times that
     effective_track_m: float | None = None
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
