@@ -460,3 +460,17 @@ def test_without_a_gyro_a_skid_steered_robot_turns_as_its_effective_track_or_a_u
     assert e.yaw_rad[-1] == pytest.approx(turns * turn * steps * DT_S)
     known_std = np.sqrt(e.pose_cov[-1, 2, 2]) / (turn * steps * DT_S)
     assert known_std < 0.2 if effective_track_m else 0.15 < known_std < 0.3
+
+
+def test_a_car_that_never_rests_learns_the_offset_of_a_gyro_that_warms_up():
+    """Curves of both sides at two speeds tell the offset from the zero of the steering angle."""
+    car = generic_robot(20.0, 0.06, 0.3, 0.4, layout="car")
+    settings, t = pose_filter(car), DT_S * np.arange(10000)
+    speed, turn = 0.6 + 0.3 * np.sign(np.sin(0.31 * t)), 0.3 * np.sign(np.sin(0.17 * t))
+    offset = 0.02 * (1.0 - np.exp(-t / 60.0))
+    wheels = np.column_stack([speed, turn]) @ car.rolling[:2].T / car.wheel.radius_m
+    given = samples(settings, wheel_speed_rad_s=wheels, yaw_rate_rad_s=turn + offset)
+    e = run(settings, given)
+    apart_rad = e.yaw_rad - np.cumsum(turn) * DT_S
+    assert np.all(np.abs(apart_rad) < 3.0 * np.sqrt(e.pose_cov[:, 2, 2]))
+    assert e.gyro_offset_rad_s[-1] == pytest.approx(offset[-1], abs=0.003)
