@@ -10,7 +10,13 @@ from typing import NamedTuple
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.calibration.calibrate import Calibration, stuck_notes, with_sensed_motion
-from ohmward.traction.calibration.parameters import Parameter, calibrate_radius, calibrate_track, with_parameters
+from ohmward.traction.calibration.parameters import (
+    TURNS_BY,
+    Parameter,
+    calibrate_radius,
+    calibrate_track,
+    with_parameters,
+)
 from ohmward.traction.calibration.stretches import CalibrationDrive, cut
 from ohmward.traction.odometry.model import RADIUS_STD
 from ohmward.traction.robot.packaged import generic_robot
@@ -19,12 +25,11 @@ from ohmward.traction.terrain.floor import travel_speed
 
 #: Wheel radius and track [m] with which a drive is read; the results do not depend on them.
 _START_RADIUS_M, _START_TRACK_M = 0.05, 0.5
-#: The size by which each layout turns and its option; a mecanum robot has two.
-_TURNS_BY = {
-    "two-wheel": ("track_m", "--track"),
-    "omni": ("track_m", "--track"),
-    "car": ("wheelbase_m", "--wheelbase"),
-    "tricycle": ("wheelbase_m", "--wheelbase"),
+#: Argument of `generic_robot` for a number of the robot file that drives show, and its factor on that.
+_ARGUMENTS = {
+    "chassis.track_m": ("track_m", 1.0),
+    "chassis.arm_m": ("track_m", 2.0),
+    "chassis.wheelbase_m": ("wheelbase_m", 1.0),
 }
 
 
@@ -43,13 +48,17 @@ class Sizes(NamedTuple):
         radius_m, track_m = self.wheel_radius_m or _START_RADIUS_M, self.track_m or _START_TRACK_M
         return generic_robot(self.mass_kg, radius_m, track_m, self.wheelbase_m, self.gear_ratio, self.layout)
 
+    def turning(self) -> tuple[str, float]:
+        """Argument for the size by which this layout turns, "" where no drive shows it, and its factor."""
+        return _ARGUMENTS.get(TURNS_BY.get(type(self.robot().chassis), ""), ("", 1.0))
+
     def start(self) -> Robot:
         """The robot for which the drives are read.
 
         Raises:
             InputError: no drive shows the track of this layout.
         """
-        if self.track_m is None and _TURNS_BY.get(self.layout, ("", ""))[0] != "track_m":
+        if self.track_m is None and self.turning()[0] != "track_m":
             raise InputError(f"no drive shows the track of a {self.layout} robot; measure it: --track M (track_m)")
         return self.robot()
 
@@ -81,12 +90,11 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
         rolling = math.sqrt(2.0) if sizes.layout == "mecanum" else 1.0
         sizes = sizes._replace(wheel_radius_m=rolling * robot.wheel.radius_m)
     radius_std = found[0].std / found[0].value if found else RADIUS_STD
-    size, option = _TURNS_BY.get(sizes.layout, ("", ""))
+    size, factor = sizes.turning()
     if size and getattr(sizes, size) is None:
         turning = calibrate_track(known, robot, radius_std)
-        value_m = _required(turning[0], f"{option} ({size})").value
-        size_m = 2.0 * value_m if sizes.layout == "omni" else value_m
-        sizes = sizes._replace(wheelbase_m=size_m) if size == "wheelbase_m" else sizes._replace(track_m=size_m)
+        value_m = _required(turning[0], f"--{size.removesuffix('_m')} ({size})").value
+        sizes = sizes._replace(**{size: factor * value_m})
         found += turning
     elif robot.chassis.scrubs:
         found += calibrate_track(known, robot, radius_std)

@@ -19,7 +19,7 @@ from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain
 from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of, wheel_values
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.slip import SlipByOdometry
-from ohmward.traction.robot.chassis import Steered
+from ohmward.traction.robot.chassis import currents_show_force
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -106,7 +106,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
             early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
             there.
         wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first. (1,) of a steered robot.
-        current_A: (driven,) of the motors, > 0 drives forward; not used of a steered robot.
+        current_A: (driven,) of the motors, > 0 drives forward; not used of a robot that scrubs or steers.
         steering_rad: angle of its steered wheel, > 0 to the left; needed with each of its speeds.
         All others: see `RobotSample`. A sensor without noise settings in the observer is not used.
 
@@ -114,12 +114,11 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
             InputError: a value is not a number, or there is not one for each wheel or motor.
         """
         robot = self.observer.robot
-        current_A = None if isinstance(robot.chassis, Steered) else current_A
         time_s = number("time_s", time_s)
         sample = RobotSample(
             self._since_last(time_s),
             wheel_values(robot, wheel_speed_rad_s, steering_rad),
-            numbers("current_A", current_A, robot.driven),
+            numbers("current_A", current_A if currents_show_force(robot.chassis) else None, robot.driven),
             number("yaw_rate_rad_s", yaw_rate_rad_s),
             number("acceleration_m_s2", acceleration_m_s2),
             number("pitch_rad", pitch_rad),
