@@ -21,19 +21,21 @@ from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
 from ohmward.traction.motion.stuck_gyro import watch_log
-from ohmward.traction.motion_check import CURED, FEWEST_VALUES, LEAST_RAD_S, SCRUBS, check_signs, check_units, motion_of
+from ohmward.traction.motion_check import FEWEST_VALUES, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     WHEEL_TURNS_RAD_S,
     speed_and_wheels_m_s,
     yaw_rate_of_wheels,
 )
-
-#: Current [A] from which a motor works.
-WORKS_A = 1.0
-
-#: Speeds have lost their sign where the wheels contradict the gyro by this share of its motion (in squares).
-CONTRADICTION = 0.1
+from ohmward.traction.wheel_signs import (
+    FEWEST_BACK,
+    SIZE_SHARE,
+    WORKS_A,
+    lost_signs,
+    sides_of,
+    with_wheel_signs,
+)
 
 #: One side is mirrored if the sides turn against each other in this share of their motion, for this many turns.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
@@ -52,10 +54,6 @@ TAKES = 2.0
 
 #: Size of a spike over the usual speed of a wheel.
 SPIKE = 10.0
-
-#: A speed from outside has no sign if the wheels turn back in at least this many samples, it is never negative, and its
-#: median there is at least this share of the wheels'.
-FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
 #: A robot is stuck if the speed from outside is below `STUCK_SHARE` of the wheels' for this time [s] and this many
 #: samples in a row; a starting robot is not, however late that speed comes.
@@ -90,8 +88,8 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without the yaw rates of a stuck gyro, and with the sign of a speed from outside."""
-    return with_signed_speed(robot, without_stuck_gyro(robot, log))
+    """The log without the yaw rates of a stuck gyro, and with the signs of wheel speeds and of a speed from outside."""
+    return with_signed_speed(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
 
 
 def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
@@ -217,39 +215,13 @@ def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are never negative while others show that one side, or both, turned back for a while."""
-    sides, speed = _sides(robot), log.wheel_speed_rad_s
-    if sides is None or (np.nan_to_num(speed) < -WHEEL_TURNS_RAD_S).any():
-        return
-    outside, wheels = speed_and_wheels_m_s(robot, log)
-    back = outside < -TURNS_M_S
-    if back.sum() >= FEWEST_BACK and np.median(wheels[back]) > SIZE_SHARE * np.median(-outside[back]):
-        yield _without_sign("the speed from outside is negative", int(back.sum()))
-        return
-    if log.yaw_rate_rad_s is None:
-        return
-    signs = [np.choose(sides + 1, [right, 1, left]) for left in (1, -1) for right in (1, -1)]
-    yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
-    rows = np.isfinite(yaws).all(axis=0) & np.isfinite(log.yaw_rate_rad_s) & (np.nan_to_num(speed).max(axis=1) > 0.0)
-    if rows.sum() < FEWEST_VALUES:
-        return
-    gyro = log.yaw_rate_rad_s[rows]
-    slower = np.linspace(1.0, 1.0 / SCRUBS, 9) if robot.chassis.scrubs else (1.0,)
-    tried = [(share * yaws[:, rows] - gyro) ** 2 for share in slower]
-    left = min(tried, key=lambda one: float(one.min(axis=0).sum()))
-    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
-        return
-    against = np.count_nonzero(left[0] > LEAST_RAD_S**2)
-    if against < FEWEST_VALUES:
-        return
-    yield _without_sign("the gyro turns as if wheels turned back", int(against))
-
-
-def _without_sign(evidence: str, samples: int) -> str:
-    return (
-        f"the wheel speeds are never negative, but {evidence} in {samples} samples: they have lost their sign, and "
-        "way, pose and slip are wrong there; let the logger write the sign, or cut out with --from and --to "
-        "(FileHints(start=..., stop=...)) a part in which the robot drives forward"
-    )
+    lost = lost_signs(robot, log)
+    if lost is not None:
+        yield (
+            f"the wheel speeds are never negative, but {lost.evidence} in {lost.samples} samples: they have lost their "
+            "sign; where gyro, speed from outside and motor currents do not show it, they are left out; let the logger "
+            "write it"
+        )
 
 
 def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
@@ -257,7 +229,7 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
 
     If their speeds are equal all the time, it may do just that.
     """
-    sides = _sides(robot)
+    sides = sides_of(robot)
     if log.yaw_rate_rad_s is not None or log.speed_m_s is not None or sides is None:
         return
     with np.errstate(invalid="ignore"):
@@ -279,13 +251,6 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
         f"the wheels of both sides turn against each other nearly always, as if the robot turned {turns:.0f} times on "
         f"the spot{cause} encoders of one side are mounted mirrored: change the signs of that side in the file"
     )
-
-
-def _sides(robot: Robot) -> np.ndarray | None:
-    """(wheels,) 1 for a wheel on the left, -1 on the right, 0 for a caster; None where driven wheels have no side."""
-    names = [place.name for place in robot.places]
-    sides = np.array([("left" in name) - ("right" in name) for name in names])
-    return sides if sides[: robot.driven].all() and not robot.chassis.rollers else None
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
