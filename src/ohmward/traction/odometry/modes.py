@@ -226,7 +226,8 @@ def variances(
     ahead_s = math.hypot(noise.gyro_delay_std_s, noise.wheels_ahead_std_s)
     sooner = ahead_s * (turning.rad_s - before.turn_rad_s) / maximum(since_s, LEAST_STEP_S)
     # Where the robot turns by another share than it should, its wheels scrub, each in its own way.
-    scrubbing = (turning.scale * turning.scale + turning.scale_std * turning.scale_std) / (1.0 + turning.scale) ** 2
+    other = turning.scale + noise.scrub
+    scrubbing = (other * other + turning.scale_std * turning.scale_std) / (1.0 + turning.scale) ** 2
     slip_rad_s = noise.turn_share * maximum(abs(rate_rad_s), abs(by_rims_rad_s))
     turn_variance = lever_m(robot) ** 2 * (
         slip_rad_s * slip_rad_s + scrubbing * rate_rad_s * rate_rad_s + sooner * sooner
