@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
@@ -94,7 +94,8 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
     if size and getattr(sizes, size) is None:
         turning = calibrate_track(known, robot, radius_std)
         value_m = _required(turning[0], f"--{size.removesuffix('_m')} ({size})").value
-        sizes = sizes._replace(**{size: factor * value_m})
+        known_size: dict[str, Any] = {size: factor * value_m}
+        sizes = sizes._replace(**known_size)
         found += turning
     elif robot.chassis.scrubs:
         found += calibrate_track(known, robot, radius_std)
