@@ -473,4 +473,4 @@ def test_a_car_that_never_rests_learns_the_offset_of_a_gyro_that_warms_up():
     e = run(settings, given)
     apart_rad = e.yaw_rad - np.cumsum(turn) * DT_S
     assert np.all(np.abs(apart_rad) < 3.0 * np.sqrt(e.pose_cov[:, 2, 2]))
-    assert e.gyro_offset_rad_s[-1] == pytest.approx(offset[-1], abs=0.003)
+    assert e.gyro_offset_rad_s[-1] == pytest.approx(offset[-1], abs=0.004)

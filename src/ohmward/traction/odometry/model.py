@@ -124,9 +124,9 @@ SCRUBBING = OdometryNoise(
 )
 
 
-#: Random walk of the gyro's offset of a steered robot: 0.02 rad/s in the seven minutes in which a gyro warms up. The
+#: Random walk of the gyro's offset of a steered robot: 0.02 rad/s in the quarter of an hour in which it warms up. The
 #: zero of the steering angle turns the robot as an offset does, so that a drive hardly shows the walk.
-STEERED_OFFSET_WALK = 1e-3
+STEERED_OFFSET_WALK = 7e-4
 
 #: Standard deviation of the share by which a robot of known effective track scrubs: it was found on one floor.
 KNOWN_SCRUB_STD = 0.1
