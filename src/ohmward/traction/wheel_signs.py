@@ -4,7 +4,7 @@ A hidden Markov model of the four ways in which the left and the right side may 
 forward-backward algorithm (Rabiner 1989). A way is likely if the turn and the speed that it gives are those measured,
 and if the currents drive forward where a wheel that rolls forward becomes faster. A side that rolls the other way has
 changed its speed by the sum of both sizes, which is likely where it is slow, and as likely as that it goes on where it
-stands. Errors last, so that evidence counts once in `EVIDENCE_S`. A way that nothing shows, as straight ahead or
+stands. Errors last, so that evidence counts once in `MOTION_LASTS_S`. A way that nothing shows, as straight ahead or
 straight back between two stops, stays unknown.
 """
 
@@ -33,10 +33,10 @@ FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
 #: Standard deviations of a turn and of a speed by the wheels: beside `LEAST_RAD_S` and `TURNS_M_S` this share of them.
 #: Largest squared sigmas that count.
-SHARE, MOST_SQUARE = 0.2, 25.0
+MOTION_SHARE, MOST_SQUARE = 0.2, 25.0
 
 #: Times [s] in which turns and speeds, and currents, count as one piece of evidence.
-EVIDENCE_S, DRIVES_S = 2.0, 0.5
+MOTION_LASTS_S, CURRENT_LASTS_S = 2.0, 0.5
 
 #: Usual acceleration [m/s2], and change of the speed [m/s] by quantisation.
 USUAL_M_S2, QUANTUM_M_S = 1.0, 0.02
@@ -140,15 +140,17 @@ def log_likelihood(log: DriveLog, rim_m_s: np.ndarray, yaw_rad_s: np.ndarray, cu
         drives = (np.abs(current_A) > WORKS_A) & (np.diff(rim_m_s, axis=0, prepend=rim_m_s[:1]) > 0.0)
         agrees = (np.sign(current_A) * drives)[:, None, :] * WAYS
         by_current = np.where(agrees > 0.0, np.log(DRIVES), np.where(agrees < 0.0, np.log(1.0 - DRIVES), 0.0))
-        logs += np.minimum(np.diff(log.time_s, prepend=log.time_s[0]) / DRIVES_S, 1.0)[:, None] * by_current.sum(axis=2)
+        logs += np.minimum(np.diff(log.time_s, prepend=log.time_s[0]) / CURRENT_LASTS_S, 1.0)[:, None] * by_current.sum(
+            axis=2
+        )
     return logs
 
 
 def _normal(time_s: np.ndarray, measured: np.ndarray, expected: np.ndarray, least: float) -> np.ndarray:
     """Log-densities (T, 4) of values (T,), expected (T, 4); 0 where a value is missing."""
     rows, weight = np.flatnonzero(np.isfinite(measured)), np.zeros(len(time_s))
-    weight[rows] = np.minimum(np.diff(time_s[rows], prepend=time_s[rows[:1]]) / EVIDENCE_S, 1.0)
-    variance = least**2 + (SHARE * expected) ** 2
+    weight[rows] = np.minimum(np.diff(time_s[rows], prepend=time_s[rows[:1]]) / MOTION_LASTS_S, 1.0)
+    variance = least**2 + (MOTION_SHARE * expected) ** 2
     logs = -0.5 * (np.minimum((measured[:, None] - expected) ** 2 / variance, MOST_SQUARE) + np.log(variance))
     return np.nan_to_num(weight[:, None] * logs)
 
