@@ -127,7 +127,7 @@ def solve(
     within = np.linalg.inv(H)
     errors = there.residual_V, there.variance_V2, part.weight / factor
     solution = Solution(x, H, within, cost, *errors, factor, there.charge)
-    moved = within @ there.columns.T @ there.of_places * place_std(model, solution)
+    moved = within @ (there.columns.T @ there.of_places) * place_std(model, solution)
     return solution._replace(covariance=within + moved @ moved.T)
 
 
@@ -286,8 +286,8 @@ def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
 def place_std(model: VoltageModel, found: Solution) -> np.ndarray:
     """(2,) standard deviations of the places of empty and full on the curve."""
     located = found.ends_std.max() < LOCATED_STD and came_to_empty(model, found)
-    of_curve = model.battery.noise.soc_axis_std
-    return np.minimum((_EMPTY_PLACE_STD, _FULL_PLACE_STD) if located else np.inf, (of_curve, of_curve))
+    of_curve = np.full(2, model.battery.noise.soc_axis_std)
+    return np.minimum(of_curve, (_EMPTY_PLACE_STD, _FULL_PLACE_STD)) if located else of_curve
 
 
 def count_error2(model: VoltageModel, anchors: Sequence[SocAnchor], found: Solution) -> float:
