@@ -18,8 +18,8 @@ import numpy as np
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.motion.outside_speed import TURNS_M_S
 from ohmward.traction.motion_check import CURED, FEWEST_VALUES, LEAST_RAD_S, SCRUBS
-from ohmward.traction.robot.robot import Robot, motion_from_wheels
-from ohmward.traction.speed_observer.make_observer import WHEEL_TURNS_RAD_S, speed_and_wheels_m_s
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.make_observer import WHEEL_TURNS_RAD_S, speed_and_wheels_m_s, yaw_rate_of_wheels
 
 #: Signs (4, 2) of the speeds of the left and of the right side.
 WAYS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
@@ -65,8 +65,8 @@ def sides_of(robot: Robot) -> np.ndarray | None:
 
 def yaw_rates(robot: Robot, sides: np.ndarray, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Yaw rates (4, T) [rad/s] by wheels (T, wheels) of these sizes in each of the `WAYS`."""
-    signs = [np.choose(sides + 1, [right, 1, left])[: robot.driven] for left, right in WAYS]
-    return np.stack([motion_from_wheels(robot, wheel_speed_rad_s[:, : robot.driven] * way)[:, -1] for way in signs])
+    signs = [np.choose(sides + 1, [right, 1, left]) for left, right in WAYS]
+    return np.stack([yaw_rate_of_wheels(robot, wheel_speed_rad_s * way) for way in signs])
 
 
 def lost_signs(robot: Robot, log: DriveLog) -> LostSigns | None:
