@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, sqrt, where
+from ohmward.trace import exp, isfinite, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import (
     IS_HELD,
@@ -37,7 +38,17 @@ from ohmward.traction.motion.sample import (
     remember,
     was_seen,
 )
-from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
+from ohmward.traction.odometry.model import (
+    OFFSET,
+    SLIP,
+    TURN_SCALE,
+    USUAL_TURN_S,
+    YAW,
+    MotionInput,
+    OdometryNoise,
+    X,
+    Y,
+)
 from ohmward.traction.odometry.modes import (
     LEAST_STEP_S,
     ModeSpeed,
@@ -546,48 +557,59 @@ def walk_variance(known: GyroNoise, gyro_walk: float) -> Scalar:
     return maximum(known.variance, gyro_walk**2)
 
 
-#: Length [s] of the spans over which the walk of the gyro's offset is learnt, number of them that the data sheet counts
-#: for, and number that is remembered.
-SPAN_S, SHEET_SPANS, REMEMBERED_SPANS = 5.0, 4.0, 20.0
+#: Random walks of a gyro's offset over that of the data sheet, from a calm gyro to one that warms up, and their
+#: probabilities before a drive; time [s] in which a gyro changes from one to another.
+OFFSET_WALKS = np.array([0.3, 1.0, 4.0, 15.0])
+WALK_PRIOR, WALK_LASTS_S = 1.0 / OFFSET_WALKS / sum(1.0 / OFFSET_WALKS), 100.0
 
-#: Limits of the walk over that of the data sheet.
-OFFSET_WALKS = (0.3, 15.0)
+#: Gain K of the offset's corrections from which a span ends.
+SPAN_GAIN = 0.5
 
 
 class OffsetWalk(NamedTuple):
-    """Random walk of a gyro's offset, learnt from the changes of its estimate b over spans of time.
+    """Random walk of a gyro's offset b: probabilities p_k of `OFFSET_WALKS`, by the changes of b over spans of time T.
 
-        E[(b_1 - b_0)^2] = P_0 + q T - P_1
+        q = sum p_k q_k,   K = 1 - P_1 / (P_0 + q T),   nu = (b_1 - b_0) / K,   S_k = (P_0 + q T) / K + (q_k - q) T
+        p_k ~ p_k N(nu; 0, S_k)
 
-    T is the length of a span, P_0 and P_1 are the variances of b at its ends, q is the variance of the walk over time.
+    P_0 and P_1 are the variances of b at the ends of a span, q_k is the variance of a walk over time, q that which the
+    odometry uses. The corrections in a span count as one of the gain K. A span ends once they have shown the offset, so
+    that a time in which nothing does tells nothing of the walk.
     """
 
-    variance: Any  #: q [rad2/s3]
-    spans: Any = SHEET_SPANS  #: number of spans behind it
-    time_s: Any = 0.0  #: since the start of this one
-    offset_rad_s: Any = 0.0  #: estimate of the offset then
-    offset_variance: Any = 0.0  #: its variance then
+    probability: np.ndarray = WALK_PRIOR  #: (walks,)
+    time_s: Any = 0.0  #: since the start of the span
+    offset_variance: Any = 0.0  #: variance of the offset at that start
+    #: estimates at that start
+    offset_rad_s: Any = 0.0
+    x_m: Any = 0.0
+    y_m: Any = 0.0
+
+    def variance(self, offset_walk: float) -> Scalar:
+        """Variance q of the offset over time [rad2/s3]; offset_walk: that of the data sheet."""
+        return self.probability @ (offset_walk * OFFSET_WALKS) ** 2
 
 
-def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_walk: float) -> OffsetWalk:
-    """The walk after a step; belief: of the odometry then.
+def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_walk: float) -> tuple[OffsetWalk, Belief]:
+    """The walk after a step, and the belief of the odometry with the turn by a walk that turns out to be larger.
 
-    A span counts by its information on q, the square of the share that the walk has in the variance of the change.
+    An offset that is known at both ends of a span, and walks by the variance dq over time more than was known, turns
+    the yaw by dq T^3 / 12 more, as a Brownian bridge, and the way of the span by half of that angle.
     """
-    time_s, now = known.time_s + dt_s, known.variance
-    due = time_s >= SPAN_S
-    offset_rad_s, variance = belief.mean[OFFSET], belief.cov[OFFSET, OFFSET]
-    learnt_before = maximum(known.offset_variance - variance, 0.0)
-    change = offset_rad_s - known.offset_rad_s
-    seen = (change * change - learnt_before) / maximum(time_s, SPAN_S)
-    share = now / maximum(now + learnt_before / maximum(time_s, SPAN_S), TINY)
-    spans = minimum(known.spans + share * share, REMEMBERED_SPANS)
-    least, most = ((of_sheet * offset_walk) ** 2 for of_sheet in OFFSET_WALKS)
-    learnt = clip(now + share * share / spans * (seen - now), least, most)
-    return OffsetWalk(
-        variance=where(due, learnt, now),
-        spans=where(due, spans, known.spans),
-        time_s=where(due, 0.0, time_s),
-        offset_rad_s=where(due, offset_rad_s, known.offset_rad_s),
-        offset_variance=where(due, variance, known.offset_variance),
-    )
+    x, P = belief
+    time_s, q = known.time_s + dt_s, known.variance(offset_walk)
+    predicted = maximum(known.offset_variance + q * time_s, TINY)
+    gain = 1.0 - P[OFFSET, OFFSET] / predicted
+    ends = gain >= SPAN_GAIN
+    gain = maximum(gain, SPAN_GAIN)
+    nu = (x[OFFSET] - known.offset_rad_s) / gain
+    S = maximum(predicted / gain + ((offset_walk * OFFSET_WALKS) ** 2 - q) * time_s, TINY)
+    logs = -0.5 * (log(S) + nu * nu / S)
+    changes = 1.0 - exp(-time_s / WALK_LASTS_S)
+    likely = (known.probability + changes * (WALK_PRIOR - known.probability)) * exp(logs - reduce(maximum, logs))
+    found = OffsetWalk(likely / likely.sum(), 0.0, P[OFFSET, OFFSET], x[OFFSET], x[X], x[Y])
+    larger = where(ends, maximum(found.variance(offset_walk) - q, 0.0), 0.0)
+    turn = {X: (known.y_m - x[Y]) / 2.0, Y: (x[X] - known.x_m) / 2.0, YAW: 1.0}
+    turned = np.array([turn.get(i, 0.0) for i in range(len(x))])
+    widened = Belief(x, P + larger * time_s * time_s * time_s / 12.0 * np.outer(turned, turned))
+    return choose(ends, found, known._replace(time_s=time_s)), widened

@@ -64,8 +64,8 @@ class OdometryNoise:
     creep: float = 0.0
     #: share by which the robot turns less than its wheels show, as these scrub: 1 less the track over the effective one
     scrub: float = 0.0
-    #: random walk of the offset [rad/s per root of a second] until a drive shows it: two thirds of a degree per second
-    #: in an hour, as it warms up
+    #: random walk of the offset [rad/s per root of a second]: two thirds of a degree per second in an hour; a drive
+    #: shows whether it is 0.3 to 15 times that, as in a gyro that warms up
     gyro_offset_walk: float = 2e-4
     slip_share: float = 0.005  #: slip of the wheels over their speed, if no observer estimates it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
@@ -124,10 +124,6 @@ SCRUBBING = OdometryNoise(
 )
 
 
-#: Random walk of the gyro's offset of a steered robot: 0.02 rad/s in the quarter of an hour in which it warms up. The
-#: zero of the steering angle turns the robot as an offset does, so that a drive hardly shows the walk.
-STEERED_OFFSET_WALK = 7e-4
-
 #: Standard deviation of the share by which a robot of known effective track scrubs: it was found on one floor.
 KNOWN_SCRUB_STD = 0.1
 
@@ -150,7 +146,6 @@ def noise_of(robot: Robot) -> OdometryNoise:
         noise = replace(
             noise,
             turn_scale_std=STEERING_SCALE_STD,
-            gyro_offset_walk=STEERED_OFFSET_WALK,
             wheel_difference_std=STEERING_ZERO_RAD * apart_per_rad,
             slip_difference_share=STEERING_PLAY_RAD * apart_per_rad,
         )

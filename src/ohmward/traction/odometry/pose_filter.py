@@ -137,7 +137,7 @@ class PoseState(NamedTuple):
     nonlinear_m: np.ndarray = np.zeros((2, 2))
     turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
     agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
-    offset_walk: OffsetWalk = OffsetWalk(0.0)  #: of the gyro
+    offset_walk: OffsetWalk = OffsetWalk()  #: of the gyro
 
 
 class PoseStep(NamedTuple):
@@ -198,7 +198,7 @@ class PoseFilter:
             empty_trail(steps), HeadingTimes(), Overrun(),
             turn=watch_of_turn(self.robot),
             agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
-            offset_walk=OffsetWalk(self.noise.gyro_offset_walk**2, offset_variance=belief.cov[OFFSET, OFFSET]),
+            offset_walk=OffsetWalk(offset_variance=belief.cov[OFFSET, OFFSET]),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -230,7 +230,7 @@ class PoseFilter:
         comparable = motion.input.comparable & watch.comparable & logical_not(silent)
         u = motion.input._replace(
             comparable=comparable,
-            offset_walk=state.offset_walk.variance,
+            offset_walk=state.offset_walk.variance(self.noise.gyro_offset_walk),
             wheels_variance=state.sums.differences.noise_variance,
         )
         motion = motion._replace(input=u)
@@ -252,7 +252,10 @@ class PoseFilter:
         body, heading = use_heading(
             body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
         )
-        distance_m = state.distance_m + travelled(body.belief, motion.input)
+        walk_std = self.noise.gyro_offset_walk
+        offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, walk_std)
+        body = body._replace(belief=belief)
+        distance_m = state.distance_m + travelled(belief, motion.input)
         nonlinear_m = state.nonlinear_m + by_nonlinearity(before, reckoned)
         slides = motion.sensors.held.slides
         overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
@@ -263,7 +266,6 @@ class PoseFilter:
         missed = missed + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
         unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
         estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, nonlinear_m)
-        offset_walk = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, self.noise.gyro_offset_walk)
         no_encoder = some([some_silent(encoders, sensors, self.robot), turn.some_reversed])
         incidents = self.incidents(before, clean, no_encoder, motion, body)
         after = PoseState(
