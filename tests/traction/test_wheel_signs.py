@@ -65,5 +65,7 @@ def test_a_signed_speed_or_signed_currents_show_them_straight_on_too(sensor):
 def test_speeds_with_signs_and_those_of_a_robot_that_never_drives_back_stay_as_they_are():
     log = drive(RLMA)
     ahead = log.select(np.flatnonzero(TIME < 14.0))
+    mirrored = replace(ahead, yaw_rate_rad_s=-ahead.yaw_rate_rad_s)
     assert with_wheel_signs(RLMA, log) is log
+    assert with_wheel_signs(RLMA, mirrored) is mirrored
     assert with_wheel_signs(RLMA, ahead) is ahead

@@ -91,6 +91,8 @@ def lost_signs(robot: Robot, log: DriveLog) -> LostSigns | None:
     left = tried[best]
     if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
         return None
+    if ((slower[best] * yaws[0, rows] + gyro) ** 2).sum() < CURED * left[0].sum():
+        return None  # The gyro is mirrored, or both sides are.
     against = np.count_nonzero(left[0] > LEAST_RAD_S**2)
     if against < FEWEST_VALUES:
         return None
