@@ -16,6 +16,8 @@ import numpy as np
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
 from ohmward.traction.motion.sample import STOPPED
+from ohmward.traction.odometry.measured_motion import may_scrub
+from ohmward.traction.odometry.turn_watch import COUNTED_TURN_RAD_S, OTHER_UNIT_RATIO
 from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
@@ -37,6 +39,9 @@ MOST_FASTER, SCRUBS = 1.5, 3.0
 
 #: A wrong unit is a factor, which leaves the yaw rates of wheels and gyro correlated by at least this much.
 CORRELATED = 0.8
+
+#: A gyro measures another axis if it hides more than this share of the turns.
+HIDDEN = 0.9
 
 _WHEEL, _YAW_RATE = ("wheel_speed_rad_s", "wheel_counts"), "yaw_rate_rad_s"
 
@@ -87,6 +92,9 @@ def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tu
 
 def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
     """A finding on wheels that turn the robot much faster or slower than the gyro says."""
+    if place == "log" and hides_turns(robot, motion):
+        text = "the gyro shows none of the turns that the wheels make: it measures another axis, or is dead"
+        yield Finding("error", text, "look how it is mounted, and which axis or column is read")
     faster = faster_than_gyro(robot, motion)
     if not math.isfinite(faster) or _fits(robot, faster):
         return
@@ -137,16 +145,31 @@ def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.nd
 
 def faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
     """Yaw rate by the wheels over that of the gyro; nan where no factor makes them alike, or it hardly turned."""
-    (seen, rows, values), gyro = motion, len(robot.places)
-    wheels = [n for n, k in enumerate(seen) if k < gyro]
-    if gyro not in seen or np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
-        return math.nan
-    row, rate = rows[seen.index(gyro)], values[seen.index(gyro)]
-    by_wheels = row @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
+    by_wheels, rate = turns(robot, motion)
     power, product = float(rate @ rate), float(by_wheels @ rate)
     enough = power > max(rate.size, FEWEST_VALUES) * LEAST_RAD_S**2
     alike = abs(product) > CORRELATED * math.sqrt(power * float(by_wheels @ by_wheels))
     return product / power if enough and alike else math.nan
+
+
+def hides_turns(robot: Robot, motion: SensedMotion) -> bool:
+    """True where the gyro of a robot that cannot scrub shows nearly none of the turns by its wheels."""
+    scale = MotionCheck(robot).scale
+    by_wheels, rate = (np.abs(values) / scale for values in turns(robot, motion))
+    turning = by_wheels > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S
+    hidden = turning & (rate < COUNTED_TURN_RAD_S)
+    enough = not may_scrub(robot) and np.count_nonzero(turning) >= FEWEST_VALUES
+    return bool(enough and np.count_nonzero(hidden) > HIDDEN * np.count_nonzero(turning))
+
+
+def turns(robot: Robot, motion: SensedMotion) -> np.ndarray:
+    """Yaw rates (2, T) by wheels and gyro, times `MotionCheck.scale`; (2, 0) where one of them shows none."""
+    (seen, rows, values), gyro = motion, len(robot.places)
+    wheels = [n for n, k in enumerate(seen) if k < gyro]
+    if gyro not in seen or np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
+        return np.empty((2, 0))
+    by_wheels = rows[seen.index(gyro)] @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
+    return np.array([by_wheels, values[seen.index(gyro)]])
 
 
 class MotionCheck:

@@ -16,14 +16,17 @@ from ohmward.traction.odometry.turn_watch import (
     MOST_WRONG_S,
     REVERSED_S,
     SCALED_COUNTS,
+    UNSHOWN_COUNTS,
     WRONG_S,
     watch_of_turn,
     watch_turn,
 )
+from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, integrate, samples, scan
 
 TIME_S = DT_S * np.arange(3000)
 SKID = load_robot("husky")
+TWO = generic_robot(15.0, 0.08, 0.36, layout="two-wheel")
 
 
 def watched(turn, gyro, robot=RLMA, signs=1.0, speed_m_s=0.5):
@@ -68,6 +71,16 @@ def test_a_gyro_in_degrees_per_second_is_found_from_the_start_and_after_it_was_r
     assert since(found) == pytest.approx(from_s + counted_s / SCALED_COUNTS, abs=2.0 * DT_S)
 
 
+@pytest.mark.parametrize("robot", [TWO, RLMA], ids=["cannot scrub", "scrubs"])
+@pytest.mark.parametrize("from_s", [5.0, 20.0])
+def test_a_gyro_of_another_axis_is_found_on_a_robot_that_cannot_scrub(robot, from_s):
+    found, *_ = watched(winding(), np.where(from_s <= TIME_S, 0.01, 1.0) * winding(), robot)
+    if robot is TWO and from_s == 5.0:
+        assert since(found) == pytest.approx(from_s + WRONG_S / UNSHOWN_COUNTS, abs=2.0 * DT_S)
+    else:  # wheels spin for a while, or scrub
+        assert not found.any()
+
+
 @pytest.mark.parametrize("robot, turns", [(RLMA, 1.0), (SKID, 0.5)], ids=["rolls", "scrubs"])
 @pytest.mark.parametrize("from_s", [5.0, 20.0])
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -107,19 +120,19 @@ def test_what_slips_scrubs_or_is_late_is_neither(turn, gyro, robot):
     assert not wrong.any() and not found.any()
 
 
-def driven(share=1.0, signs=(1.0, 1.0), from_s=0.0):
+def driven(share=1.0, signs=(1.0, 1.0), from_s=0.0, robot=RLMA):
     """Estimates, pose (T, 3) and speed (T,) of a winding drive with such a gyro and encoders from then on."""
     rng = np.random.default_rng(5)
-    settings, late = pose_filter(RLMA), from_s <= TIME_S
+    settings, late = pose_filter(robot), from_s <= TIME_S
     v = np.interp(TIME_S, [3.0, 5.0], [0.0, 0.5])
     w = np.where(v > 0.4, 0.4 * np.sin(0.5 * TIME_S), 0.0)
-    speeds = np.column_stack([v, w]) @ RLMA.rolling[: RLMA.driven].T / RLMA.wheel.radius_m
+    speeds = np.column_stack([v, w]) @ robot.rolling[: robot.driven].T / robot.wheel.radius_m
     speeds += 0.005 * rng.standard_normal(speeds.shape) * (v > 0.0)[:, None]
-    gyro = w + 0.003 * rng.standard_normal(v.size)
+    gyro = np.where(late, share, 1.0) * w + 0.003 * rng.standard_normal(v.size)
     given = samples(
         settings,
         wheel_speed_rad_s=np.where(late[:, None], signs, 1.0) * speeds,
-        yaw_rate_rad_s=np.where(late, share, 1.0) * gyro,
+        yaw_rate_rad_s=gyro,
     )
     return scan(settings, given)[1], integrate(v, 0.0 * v, w), v
 
@@ -142,6 +155,12 @@ def test_pose_and_speed_are_in_their_bands_although_a_sensor_is_wrong(fault, fro
     speed = np.abs(e.speed_m_s - v) < 1.96 * np.sqrt(e.twist_cov[:, 0, 0])
     for covered in (position, yaw, speed):
         assert covered[late].mean() > (0.8 if np.isnan(fault.get("share", 1.0)) else 0.95)
+
+
+def test_the_wheels_give_the_turn_beside_a_gyro_of_another_axis():
+    e, pose, _ = driven(share=0.0, robot=TWO)
+    assert e.yaw_rad[-1] == pytest.approx(pose[-1, 2], abs=0.2)
+    assert (np.abs(e.yaw_rad - pose[:, 2]) < 1.96 * np.sqrt(e.pose_cov[:, 2, 2])).mean() > 0.9
 
 
 @pytest.mark.parametrize("fault", ["in degrees", "counts back"])

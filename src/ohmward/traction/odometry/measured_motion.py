@@ -177,6 +177,11 @@ def passive_wheels(robot: Robot) -> np.ndarray:
     return np.arange(robot.driven, len(robot.places) if isinstance(robot.chassis, Differential) else robot.driven)
 
 
+def may_scrub(robot: Robot) -> bool:
+    """True where wheels drag sideways in a turn, so that the robot may turn by a tenth of what they show."""
+    return robot.chassis.scrubs or len(passive_wheels(robot)) > 0
+
+
 def with_silent_wheels(
     clean: CleanSample, before: MotionState, x: np.ndarray, robot: Robot
 ) -> tuple[CleanSample, Scalar]:
@@ -585,7 +590,7 @@ class OffsetWalk(NamedTuple):
     x_m: Any = 0.0
     y_m: Any = 0.0
 
-    def variance(self, offset_walk: float) -> Scalar:
+    def variance(self, offset_walk: float) -> Any:
         """Variance q of the offset over time [rad2/s3]; offset_walk: that of the data sheet."""
         return self.probability @ (offset_walk * OFFSET_WALKS) ** 2
 

@@ -3,7 +3,8 @@
 The gyro's yaw rate over that of the wheels is 1, less where wheels scrub or slip.
 
 A gyro is wrong if it is about -1, or beyond what any slip explains, for `WRONG_S` longer than it is right. Beyond, its
-unit is wrong, and the wheels have turned the robot since both agreed. About -1, it is mirrored, or the wheels' sides
+unit is wrong, and the wheels have turned the robot since both agreed. So it is about 0 on a robot that cannot scrub,
+where it measures another axis; this takes longer, as wheels may spin. About -1, it is mirrored, or the wheels' sides
 are exchanged: which of them cannot be known, and the turn since then is as uncertain as what lies between them.
 
 An encoder, or those of a side, count the other way if the gyro contradicts the wheels for `REVERSED_S` longer than it
@@ -22,6 +23,7 @@ from ohmward.filters.sanitize import between, every, some
 from ohmward.trace import clip, isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.odometry.measured_motion import may_scrub
 from ohmward.traction.odometry.modes import lever_m, slip_modes
 from ohmward.traction.robot.robot import Robot
 
@@ -35,6 +37,9 @@ COUNTED_TURN_RAD_S, RIGHT_SHARE, ROLLING_SHARE = 0.1, (0.3, 1.5), (0.7, 1.3)
 
 #: Least ratio of gyro and wheels that is another unit; a second of that counts for several, as no slip explains it.
 OTHER_UNIT_RATIO, SCALED_COUNTS = 3.0, 4.0
+
+#: Share by which a second counts in which the gyro does not show a turn of the wheels: these may spin.
+UNSHOWN_COUNTS = 0.2
 
 #: Turn [rad] on the spot, beyond that on the way, from which a robot without a gyro may drive straight on.
 MOST_SPINS_RAD = 6.0 * np.pi
@@ -120,13 +125,17 @@ def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Ro
     right = turning & is_share(gyro_rad_s, wheels_rad_s, RIGHT_SHARE)
     encoder = may_count_back & logical_not(right)
     mirrored = turning & is_share(-gyro_rad_s, wheels_rad_s, RIGHT_SHARE) & logical_not(encoder)
+    unshown = straight & logical_not(some([may_count_back, may_scrub(robot)]))
     is_faster = (abs(wheels_rad_s) > COUNTED_TURN_RAD_S) & (abs(gyro_rad_s) > OTHER_UNIT_RATIO * abs(wheels_rad_s))
     scaled = turning & is_faster & logical_not(encoder)
 
-    scaled_s = where(scaled, SCALED_COUNTS * since_s, where(mirrored, -since_s, 0.0))
+    scaled_s = where(scaled, SCALED_COUNTS * since_s, where(unshown, UNSHOWN_COUNTS * since_s, 0.0))
+    scaled_s = where(mirrored, -since_s, scaled_s)
     wrong_s = where(right, -since_s, abs(scaled_s))
     encoder_s = where(right, -since_s, where(encoder, since_s, 0.0))
-    against_s = clip(before.against_s + where(encoder, since_s, wrong_s), 0.0, MOST_WRONG_S)
+    # A gyro that has been right is doubted by wheels that spin only once it is wrong.
+    doubted_s = where(unshown, where(before.wrong_s < 0.0, 0.0, since_s), wrong_s)
+    against_s = clip(before.against_s + where(encoder, since_s, doubted_s), 0.0, MOST_WRONG_S)
     agrees = right & (against_s <= 0.0)
     rolled_s = where(rolled, since_s, 0.0)
     apart_rad = before.apart_rad + where(measured, wheels_rad_s - gyro_rad_s, 0.0) * rolled_s
