@@ -13,6 +13,7 @@ from ohmward.traction.drive_checks import check_drive, mended, with_signed_speed
 from ohmward.traction.robot.packaged import generic_robot
 
 TIME = np.arange(0.0, 20.0, 0.02)
+TWO = generic_robot(15.0, 0.08, 0.36, layout="two-wheel")
 FOUR = replace(RLMA, chassis=Differential(0.314, 0.314, 0.30, driven="all"))
 
 
@@ -21,7 +22,8 @@ def good(robot=RLMA, seed=1, gyro=True, **others):
     rng = np.random.default_rng(seed)
     speed, yaw = 0.3 + 0.1 * np.sin(TIME), 0.8 * np.sin(0.7 * TIME)
     motion = np.column_stack([speed, yaw] if robot.freedoms == 2 else [speed, 0 * yaw, yaw])
-    wheels = motion @ robot.rolling.T / robot.wheel.radius_m + 0.01 * rng.standard_normal((TIME.size, 4))
+    rolling = motion @ robot.rolling.T / robot.wheel.radius_m
+    wheels = rolling + 0.01 * rng.standard_normal(rolling.shape)
     current = 1.0 + 0.2 * rng.standard_normal((TIME.size, robot.driven))
     rate = yaw + 0.002 * rng.standard_normal(TIME.size) if gyro else None
     return DriveLog("drive", TIME, wheels, current, **({"yaw_rate_rad_s": rate, "speed_m_s": speed} | others))
@@ -144,6 +146,15 @@ def test_a_gyro_that_only_has_noise_shows_no_unit():
     noise = 0.3 * np.random.default_rng(0).standard_normal(TIME.size)
     log = good()
     assert texts(RLMA, replace(log, wheel_speed_rad_s=np.full((TIME.size, 4), 3.0), yaw_rate_rad_s=noise)) == []
+
+
+def test_a_gyro_of_another_axis_and_one_that_clips():
+    other = good(TWO, yaw_rate_rad_s=0.01 * np.sin(9.0 * TIME))
+    assert any("it measures another axis, or is dead" in text for text in texts(TWO, other))
+    clips = good(TWO, speed_m_s=None)
+    fast, rate = 10.0 * clips.wheel_speed_rad_s, 10.0 * np.asarray(clips.yaw_rate_rad_s)
+    clips = replace(clips, wheel_speed_rad_s=fast, yaw_rate_rad_s=np.clip(rate, -4.0, 4.0))
+    assert any("the gyro clips at 229.2 deg/s in" in text for text in texts(TWO, clips))
 
 
 def test_wheels_that_no_such_robot_has_are_in_another_unit():

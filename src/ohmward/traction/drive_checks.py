@@ -16,11 +16,11 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import from_to, long_runs
+from ohmward.runs import from_to, long_runs, runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
-from ohmward.traction.motion.stuck_gyro import watch_log
+from ohmward.traction.motion.stuck_gyro import COMPARABLE, LEAST_RANGE_RAD_S, watch_log
 from ohmward.traction.motion_check import FEWEST_VALUES, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
@@ -77,6 +77,7 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _spikes,
         _beyond_limits,
         _contradictions,
+        _clipped_gyro,
         _mirrored_side,
         _wrong_current_signs,
         _blocked_wheels,
@@ -100,7 +101,8 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
     if log.yaw_rate_rad_s is None:
         return log
     rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
-    repeats = np.append(False, np.diff(log.yaw_rate_rad_s[rows]) == 0.0)
+    rate = log.yaw_rate_rad_s[rows]
+    repeats = np.append(False, np.diff(rate) == 0.0) & (np.abs(rate) < LEAST_RANGE_RAD_S)
     repeated = long_runs(repeats, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values)
     if not repeated:
         return log
@@ -190,6 +192,17 @@ def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
     motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
     signs = [str(finding) for _, finding in check_signs(robot, motion, "log")] or list(_unsigned_wheels(robot, log))
     yield from signs or map(str, check_units(robot, motion, "log"))
+
+
+def _clipped_gyro(robot: Robot, log: DriveLog) -> Iterator[str]:
+    """Turns faster than the range of the gyro, at whose end it repeats itself."""
+    rate = np.empty(0) if log.yaw_rate_rad_s is None else log.yaw_rate_rad_s[np.isfinite(log.yaw_rate_rad_s)]
+    same = (np.diff(rate) == 0.0) & (np.abs(rate[1:]) >= LEAST_RANGE_RAD_S)
+    clipped = sum(stop - first for first, stop in runs(same) if stop - first >= COMPARABLE)
+    if clipped:
+        most = math.degrees(float(np.abs(rate).max()))
+        text = f"the gyro clips at {most:.4g} deg/s in {clipped} samples, where the wheels give the turn"
+        yield f"{text}; set a larger range"
 
 
 def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
@@ -40,6 +41,12 @@ def test_a_gyro_that_freezes_is_stuck_once_the_turn_changes_and_until_it_reports
     assert not stuck[20.0 + STOPPED.contradicts_s > TIME_S].any()
     assert stuck[(20.0 + STOPPED.contradicts_s + SETTLED_S < TIME_S) & frozen].all()
     assert not stuck[TIME_S >= 30.0].any()
+
+
+def test_a_gyro_clips_where_it_repeats_a_fast_turn():
+    turn = 3.0 * np.sin(TIME_S)
+    stuck = found(turn, np.clip(turn, -2.5, 2.5))[1]
+    np.testing.assert_array_equal(stuck[3:], sliding_window_view(np.abs(turn), 4).min(axis=1) > 2.5)
 
 
 def test_a_gyro_without_noise_is_not_stuck_on_a_robot_that_turns_in_steps():

@@ -3,7 +3,7 @@
 A working gyro repeats no number for long unless the robot turns evenly. One that does while the yaw rate of the wheels,
 averaged so that quantisation does not count, differs from that at the start for `STOPPED.contradicts_s` is stuck, and
 missing until it changes. Repeating 0 may also be that of a gyro without noise on a robot whose wheels slip: that takes
-`STOPPED.gyro_at_zero_s`. Encoders that repeat themselves too are no evidence.
+`STOPPED.gyro_at_zero_s`. Encoders that repeat themselves too are no evidence. At the end of its range a gyro clips.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ AVERAGED_S, SETTLED_S = 0.5, 2.5
 
 #: Time [s] and number of values from which wheels that change their turn are not compared with a gyro that does not.
 COMPARABLE_S, COMPARABLE = 0.25, 3
+
+#: Least range [rad/s] of a gyro: 125 degrees per second. One that repeats a faster turn clips.
+LEAST_RANGE_RAD_S = 2.18
 
 #: Yaw rate [rad/s] that no sensor shows, before its first value.
 NO_RATE = 1e9
@@ -65,8 +68,9 @@ class GyroWatch(NamedTuple):
 
     @property
     def stuck(self) -> Scalar:
-        """The condition that the gyro is stuck."""
-        return self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > STOPPED.gyro_at_zero_s))
+        """The condition that the gyro is stuck, or at the end of its range."""
+        clips = (self.repeated >= COMPARABLE) & (abs(self.last_rad_s) >= LEAST_RANGE_RAD_S)
+        return clips | self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > STOPPED.gyro_at_zero_s))
 
 
 def watch_gyro(before: GyroWatch, clean: CleanSample, robot: Robot) -> GyroWatch:

@@ -215,6 +215,8 @@ class PoseFilter:
         clean = without_wrong(clean, turn, self.robot)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
+        returns = state.watch.suspected & logical_not(state.watch.stuck | watch.suspected)
+        before = choose(returns, with_unknown_turn(before, state.watch, state.changed_yaw_rad), before)
         before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
         agreed = when_agreed(state.agreed, before, state.turn)
         wrong = turn.wrong & logical_not(state.turn.wrong)
@@ -449,6 +451,12 @@ def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
     """Variance (3,) of the pose by a turn that was missed in some part of the way."""
     across_m = way_m * minimum(abs(missed_rad), 1.0)
     return np.array([across_m**2, across_m**2, missed_rad**2])
+
+
+def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
+    """The belief after a gyro that may have been stuck, so that the turn by the wheels since then may be missed."""
+    variance = missed_variance(missed_turn(belief.mean, watch, yaw_rad), watch.rims_m)
+    return Belief(belief.mean, belief.cov + np.diag(np.array([*variance, *[0.0] * (len(NAMES) - len(variance))])))
 
 
 def with_missed_turn(belief: Belief, watch: GyroWatch, found: Scalar, yaw_rad: Scalar, noise: OdometryNoise) -> Belief:
