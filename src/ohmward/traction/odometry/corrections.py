@@ -279,10 +279,13 @@ def use_turn(
     drifts = abs(rate) < MOST_DRIFT_RAD_S
     after_s = where(stood, where(drifts, 0.0, reset_after_s), where(drifts, reset_after_s, np.inf))
     diverged = due & (apart.rejected_s > after_s)
-    prior = choose(diverged, with_other_offset(body.belief, rate, apart.rejected_s + time_s, time_s), body.belief)
+    apart_s = apart.rejected_s + time_s
+    prior = choose(diverged, with_other_offset(body.belief, rate, apart_s, time_s), body.belief)
     belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate, shared)
     rejected = due & logical_not(accepted)
     belief = choose(rejected, forget(scrubbing(belief, sums), APART, u.count_rad * u.count_rad), belief)
+    # An offset that changes faster than gyros drift: somebody may have turned the robot instead.
+    belief = inflate(belief, YAW, where(diverged & logical_not(drifts), (rate * apart_s) ** 2, 0.0))
     body = body._replace(belief=belief, turn_apart_rad_s=abs(nu) / time_s, turn_rejected=rejected)
     apart = choose(due, compared(apart, nu, S, time_s, stood, rejected), apart)
     return body, choose(due, TurnSums(stood=rests, differences=apart), sums)
