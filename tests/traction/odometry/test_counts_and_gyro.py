@@ -143,6 +143,26 @@ def test_an_offset_that_drifts_as_the_gyro_warms_up_is_tracked_and_covered():
     assert np.max(np.abs(offsets)) < 3.0
 
 
+@pytest.mark.parametrize("fault", ["gyro at zero for a while", "wheels unlike by 2 %", "turned by hand"])
+def test_the_yaw_stays_in_its_band(fault):
+    settings, apart = pose_filter(INDOOR), []
+    for seed in range(6):
+        drive = stop_and_go(seed, 4096)
+        wheels, gyro, yaw = np.array(drive.wheel_speed_rad_s), np.array(drive.gyro_rad_s), drive.pose[:, 2]
+        t = DT_S * np.arange(len(gyro))
+        if fault == "gyro at zero for a while":
+            gyro[(t > 40.0) & (t < 47.0)] = 0.0
+        elif fault == "turned by hand":
+            turned = np.where((t > 40.0) & (t < 50.0), 0.05, 0.0)
+            wheels, gyro = np.zeros_like(wheels), turned + gyro - np.diff(yaw, prepend=0.0) / DT_S
+            yaw = np.clip(t - 40.0, 0.0, 10.0) * 0.05
+        else:
+            wheels[:, 0] /= 1.02
+        _, e = scan(settings, samples(settings, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro))
+        apart.append((e.yaw_rad[-1] - yaw[-1]) / np.sqrt(e.pose_cov[-1, 2, 2]))
+    assert np.sqrt(np.mean(np.square(apart))) < 2.0
+
+
 def test_noise_of_wheel_speeds_is_learnt_beside_counts():
     """White noise of speeds without counts: its variance over time is s^2 dt for each side, that of counts is none."""
     rng, steps, std_rad_s = np.random.default_rng(6), 15_000, 0.05

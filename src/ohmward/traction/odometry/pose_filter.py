@@ -80,6 +80,7 @@ from ohmward.traction.odometry.measured_motion import (
     with_silent_wheels,
 )
 from ohmward.traction.odometry.model import (
+    CURVATURE,
     GROSS_SLIP,
     NAMES,
     OFFSET,
@@ -104,6 +105,9 @@ from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
+
+#: Standard deviations of the curvature by unlike wheels from which it is doubled: they are more unlike than usual.
+UNLIKE_SIGMAS = 2.0
 
 #: Times [s] before the wheels' last value over which their acceleration is found, of those at 5 Hz and faster.
 CHANGES_S = (0.2, 0.5)
@@ -138,6 +142,7 @@ class PoseState(NamedTuple):
     turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
     agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk = OffsetWalk()  #: of the gyro
+    curvature_std_1_m: Any = 0.0  #: of the curvature by unlike wheels, as far as they have shown it
 
 
 class PoseStep(NamedTuple):
@@ -199,6 +204,7 @@ class PoseFilter:
             turn=watch_of_turn(self.robot),
             agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
             offset_walk=OffsetWalk(offset_variance=belief.cov[OFFSET, OFFSET]),
+            curvature_std_1_m=std_of(belief.cov[CURVATURE, CURVATURE]),
         )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -256,6 +262,7 @@ class PoseFilter:
         )
         walk_std = self.noise.gyro_offset_walk
         offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, walk_std)
+        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
         body = body._replace(belief=belief)
         distance_m = state.distance_m + travelled(belief, motion.input)
         nonlinear_m = state.nonlinear_m + by_nonlinearity(before, reckoned)
@@ -274,6 +281,7 @@ class PoseFilter:
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
             motion.input.motion_std[0], distance_m, nonlinear_m, turn, agreed, offset_walk,
+            curvature_std_1_m,
         )  # fmt: skip
         return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
@@ -451,6 +459,13 @@ def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
     """Variance (3,) of the pose by a turn that was missed in some part of the way."""
     across_m = way_m * minimum(abs(missed_rad), 1.0)
     return np.array([across_m**2, across_m**2, missed_rad**2])
+
+
+def with_unlike_wheels(belief: Belief, std_1_m: Scalar) -> tuple[Belief, Scalar]:
+    """The belief, and the standard deviation of the curvature, doubled once wheels prove more unlike than that."""
+    unlike = abs(belief.mean[CURVATURE]) > UNLIKE_SIGMAS * std_1_m
+    doubled_1_m = where(unlike, 2.0 * std_1_m, std_1_m)
+    return inflate(belief, CURVATURE, doubled_1_m * doubled_1_m - std_1_m * std_1_m), doubled_1_m
 
 
 def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
