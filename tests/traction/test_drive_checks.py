@@ -263,6 +263,15 @@ def test_a_speed_without_a_sign_gets_that_of_the_wheels(every, std_m_s, age_s):
     assert "never negative while the wheels turn back" in signed.notes[-1].text
 
 
+@pytest.mark.parametrize("repeated", [1.0, 0.0])
+def test_a_speed_that_repeats_itself_while_the_wheels_change_theirs_is_left_out(repeated):
+    log = good()
+    frozen = (TIME > 7.99) & (TIME < 14.0)
+    speed = np.where(frozen, repeated * np.asarray(log.speed_m_s)[400], log.speed_m_s)
+    left = np.asarray(mended(RLMA, replace(log, speed_m_s=speed)).speed_m_s)
+    np.testing.assert_array_equal(np.isnan(left), frozen & (repeated > 0.0))
+
+
 def test_a_speed_with_a_sign_or_of_wheels_that_only_turn_ahead_stays():
     signed, _ = there_and_back(10, sign=-1.0)
     assert with_signed_speed(RLMA, signed) is signed

@@ -89,8 +89,8 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without the yaw rates of a stuck gyro, and with the signs of wheel speeds and of a speed from outside."""
-    return with_signed_speed(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
+    """The log without yaw rates and speeds that are stuck, and with the signs of wheel speeds and of that speed."""
+    return with_signed_speed(robot, without_stuck_speed(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log))))
 
 
 def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
@@ -112,12 +112,29 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
         never_moves = stop - first >= rows.size - 1
         if (suspected if never_moves else is_stuck)[first:stop].any():
             dead[rows[first - 1 : stop]] = True
+    return _left_out(log, "yaw_rate_rad_s", dead, "the gyro is ", "the robot")
+
+
+def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without a speed from outside that repeats itself, other than 0, while the wheels change theirs."""
+    speed, wheels = speed_and_wheels_m_s(robot, log)
+    if log.speed_m_s is None or not speed.size:
+        return log
+    rows, dead = np.flatnonzero(np.isfinite(log.speed_m_s)), np.zeros(len(log), dtype=bool)
+    repeats = np.append(False, np.diff(speed) == 0.0) & (speed != 0.0)
+    for first, stop in long_runs(repeats, log.time_s[rows], ROBOT_STUCK_S, FEWEST_STUCK):
+        if np.ptp(wheels[first - 1 : stop]) > STUCK_SHARE * abs(speed[first]) + TURNS_M_S:
+            dead[rows[first - 1 : stop]] = True
+    return _left_out(log, "speed_m_s", dead, "the speed from outside is ", "the wheels' speed")
+
+
+def _left_out(log: DriveLog, name: str, dead: np.ndarray, what: str, mover: str) -> DriveLog:
+    """The log without the values of a sensor that is stuck in these samples (T,), and with a note."""
     if not dead.any():
         return log
-    when = f" {from_to(log.time_s[dead])}"
-    text = f"{stuck('the gyro is ', when, 'the robot')}; its yaw rates there are left out"
-    left = np.where(dead, np.nan, log.yaw_rate_rad_s)
-    return replace(log, yaw_rate_rad_s=left, notes=(*log.notes, Note(text, "warning")))
+    text = f"{stuck(what, f' {from_to(log.time_s[dead])}', mover)}; its values there are left out"
+    values = {name: np.where(dead, np.nan, getattr(log, name))}
+    return replace(log, **values, notes=(*log.notes, Note(text, "warning")))
 
 
 def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
