@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -133,7 +134,7 @@ def _left_out(log: DriveLog, name: str, dead: np.ndarray, what: str, mover: str)
     if not dead.any():
         return log
     text = f"{stuck(what, f' {from_to(log.time_s[dead])}', mover)}; its values there are left out"
-    values = {name: np.where(dead, np.nan, getattr(log, name))}
+    values: dict[str, Any] = {name: np.where(dead, np.nan, getattr(log, name))}
     return replace(log, **values, notes=(*log.notes, Note(text, "warning")))
 
 

@@ -221,7 +221,7 @@ class PoseFilter:
         clean = without_wrong(clean, turn, self.robot)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
-        returns = state.watch.suspected & logical_not(state.watch.stuck | watch.suspected)
+        returns = state.watch.suspected & logical_not(some([state.watch.stuck, watch.suspected]))
         before = choose(returns, with_unknown_turn(before, state.watch, state.changed_yaw_rad), before)
         before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
         agreed = when_agreed(state.agreed, before, state.turn)
