@@ -17,11 +17,11 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import from_to, long_runs, runs
+from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
-from ohmward.traction.motion.stuck_gyro import COMPARABLE, LEAST_RANGE_RAD_S, watch_log
+from ohmward.traction.motion.stuck_gyro import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
 from ohmward.traction.motion_check import FEWEST_VALUES, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
@@ -214,9 +214,12 @@ def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _clipped_gyro(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Turns faster than the range of the gyro, at whose end it repeats itself."""
-    rate = np.empty(0) if log.yaw_rate_rad_s is None else log.yaw_rate_rad_s[np.isfinite(log.yaw_rate_rad_s)]
-    same = (np.diff(rate) == 0.0) & (np.abs(rate[1:]) >= LEAST_RANGE_RAD_S)
-    clipped = sum(stop - first for first, stop in runs(same) if stop - first >= COMPARABLE)
+    if log.yaw_rate_rad_s is None:
+        return
+    rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
+    rate = log.yaw_rate_rad_s[rows]
+    same = np.append(False, np.diff(rate) == 0.0) & (np.abs(rate) >= LEAST_RANGE_RAD_S)
+    clipped = sum(stop - first for first, stop in long_runs(same, log.time_s[rows], COMPARABLE_S, COMPARABLE))
     if clipped:
         most = math.degrees(float(np.abs(rate).max()))
         text = f"the gyro clips at {most:.4g} deg/s in {clipped} samples, where the wheels give the turn"

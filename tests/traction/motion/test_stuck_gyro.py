@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import STOPPED
-from ohmward.traction.motion.stuck_gyro import SETTLED_S, watch_log
+from ohmward.traction.motion.stuck_gyro import COMPARABLE_S, SETTLED_S, watch_log
 
 DT_S = 0.02
 TIME_S = DT_S * np.arange(2000)
@@ -46,7 +46,8 @@ def test_a_gyro_that_freezes_is_stuck_once_the_turn_changes_and_until_it_reports
 def test_a_gyro_clips_where_it_repeats_a_fast_turn():
     turn = 3.0 * np.sin(TIME_S)
     stuck = found(turn, np.clip(turn, -2.5, 2.5))[1]
-    np.testing.assert_array_equal(stuck[3:], sliding_window_view(np.abs(turn), 4).min(axis=1) > 2.5)
+    samples = round(COMPARABLE_S / DT_S) + 2
+    np.testing.assert_array_equal(stuck[samples - 1 :], sliding_window_view(np.abs(turn), samples).min(axis=1) > 2.5)
 
 
 def test_a_gyro_without_noise_is_not_stuck_on_a_robot_that_turns_in_steps():

@@ -69,7 +69,7 @@ class GyroWatch(NamedTuple):
     @property
     def stuck(self) -> Scalar:
         """The condition that the gyro is stuck, or at the end of its range."""
-        clips = (self.repeated >= COMPARABLE) & (abs(self.last_rad_s) >= LEAST_RANGE_RAD_S)
+        clips = logical_not(self.comparable) & (abs(self.last_rad_s) >= LEAST_RANGE_RAD_S)
         return clips | self.suspected & ((self.last_rad_s != 0.0) | (self.apart_s > STOPPED.gyro_at_zero_s))
 
 
