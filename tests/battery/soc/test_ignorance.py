@@ -102,7 +102,7 @@ def test_the_doubt_of_the_pairs_near_empty_opens_there_in_the_cold_only():
 
 
 def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperature():
-    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4)
+    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4, soc_axis_std=0.0)
     cold = SocSample(36.0, -NMC.capacity_Ah, 3.7, NMC.ocv.reference_degC - 20.0)
     errors = {}
     for level_V in (0.008, 0.0):
@@ -115,6 +115,21 @@ def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperatur
     assert float(errors[0.008].level_std_V) == pytest.approx(np.hypot(0.008, 0.004))
     variances = {level_V: float(error.model_std_V) ** 2 for level_V, error in errors.items()}
     assert variances[0.0] - variances[0.008] == pytest.approx(0.004**2)
+
+
+@pytest.mark.parametrize("soc", [0.03, 0.8])
+def test_an_error_of_the_soc_axis_is_a_shift_of_the_curve(soc):
+    """The same shift where the curve is steep and where it is flat, and no noise of single samples."""
+    settings, exact = (TheveninFilter(NMC, replace(TESTED, level_std_V=0.008, soc_axis_std=std)) for std in (0.02, 0.0))
+    sample = SocSample(36.0, 0.0, 3.7, NMC.ocv.reference_degC)
+    state = settings.start(sample, soc, 0.03)
+    belief, clean = unpack(state.belief), settings.sanitize(state, sample)
+    error, one = settings.voltage_error(belief, clean), np.eye(len(belief.mean))
+    by_axis = belief.mean + one[settings.state_names.index("axis_error")]
+    by_soc = belief.mean + 0.02 * one[0]
+    expected_V = float(settings.system.voltage(by_soc, clean, error)[0])
+    assert float(settings.system.voltage(by_axis, clean, error)[0]) == pytest.approx(expected_V, rel=1e-12)
+    assert float(error.variance) == pytest.approx(float(exact.voltage_error(belief, clean).variance), rel=1e-12)
 
 
 @pytest.mark.parametrize("degC", [25.0, -10.0])

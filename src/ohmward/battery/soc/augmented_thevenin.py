@@ -6,9 +6,11 @@
     ohmic_log_ratio, pair_log_ratio  ln of the resistances over the file's: R_0, and those of the RC pairs together;
                                      slow random walks. As logarithms they cannot turn negative, and twice as large is
                                      as likely as half as large.
-    model_error                      voltage error of the model in its own standard deviations: of the curve, its SoC
-                                     axis and its temperature, and of the overpotential. A Gauss-Markov state along SoC,
-                                     not time: it stays while SoC stays, and is new after `model_soc_length`.
+    model_error                      voltage error of the model in its own standard deviations: of the curve and its
+                                     temperature, and of the overpotential. A Gauss-Markov state along SoC, not time: it
+                                     stays while SoC stays, and is new after `model_soc_length`.
+    axis_error                       error of the curve's SoC axis in its own standard deviations, likewise: a shift of
+                                     the curve
     level_error                      error of the level of the curve, likewise: it stays ten times as long, and grows
                                      away from the temperature of the curve
     voltage_gain_error               error of the voltage sensor's gain in its own standard deviations: it stays
@@ -18,9 +20,12 @@
     hysteresis_log_ratio             ln of the hysteresis voltage over the file's; on the branch of the test, the
                                      open-circuit voltage stays
 
-The last five exist only where the file gives them a standard deviation. The measurement noise is not white either: an
+Those after the model error exist only where the file gives them a standard deviation, and that of the axis where a
+test has shown the curve: the curve of a label is shifted differently from place to place, so that its axis belongs to
+the model error. The measurement noise is not white either: an
 error that persists for a correlation time is one observation in that time, however often it is sampled, so
-R = variance * 2 correlation time / dt. Errors of axis and overpotential enter both the state and R.
+R = variance * 2 correlation time / dt. Errors that change from place to place and in time enter both the state and R:
+of the overpotential, and of the axis of a label.
 """
 
 from __future__ import annotations
@@ -61,7 +66,7 @@ from ohmward.battery.models.thevenin import (
 )
 from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
-from ohmward.battery.soc.initial_soc import lasting_std_V
+from ohmward.battery.soc.initial_soc import axis_error_V, lasting_std_V
 from ohmward.filters.belief import Belief
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, sqrt, where
@@ -113,6 +118,7 @@ class AugmentedState(NamedTuple):
     ohmic_log_ratio: Any
     pair_log_ratio: Any
     model_error: Any
+    axis_error: Any = 0.0
     level_error: Any = 0.0
     voltage_gain_error: Any = 0.0
     ohmic_activation_error_K: Any = 0.0
@@ -134,10 +140,12 @@ class VoltageError(NamedTuple):
     model_std_V: Scalar  #: standard deviation of the error that stays with SoC, the unit of the state `model_error`
     variance: Scalar  #: of all other errors [V^2]
     weight: Scalar  #: factor of that variance in R, because errors persist from sample to sample
-    uncertain_V2: Scalar = 0.0  #: part of both from the errors of axis and overpotential [V^2]
+    uncertain_V2: Scalar = 0.0  #: part of both from the errors of overpotential and of a label's axis [V^2]
     #: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2]
     tangent_V: Scalar = 0.0
     tangent_V2: Scalar = 0.0
+    axis_std: Scalar = 0.0  #: of the SoC axis of the curve, the unit of the state `axis_error`
+    axis_std_V: Scalar = 0.0  #: the same as a voltage
     level_std_V: Scalar = 0.0  #: of the error of the curve's level, the unit of the state `level_error`
     gain_std_V: Scalar = 0.0  #: of the error by the voltage sensor's gain, the unit of `voltage_gain_error`
 
@@ -159,6 +167,7 @@ class AugmentedThevenin:
     def error_names(self) -> tuple[str, ...]:
         """Names of the states of the errors, in order; without those that the file takes as exact."""
         stds = {
+            "axis_error": self.axis_is_shift,
             "level_error": self.noise.level_std_V,
             "voltage_gain_error": self.noise.voltage_gain_std,
             "ohmic_activation_error_K": self.noise.activation_std_K,
@@ -166,6 +175,11 @@ class AugmentedThevenin:
             "hysteresis_log_ratio": self.noise.hysteresis_std * any(self.model.ocv.hysteresis_V),
         }
         return tuple(name for name in AugmentedState._fields[1:] if stds.get(name, 1.0))
+
+    @property
+    def axis_is_shift(self) -> bool:
+        """True where an error of the SoC axis shifts the whole curve: in the file of a tested battery."""
+        return self.noise.level_std_V > 0.0
 
     @property
     def hysteresis_index(self) -> int:
@@ -198,6 +212,7 @@ class AugmentedThevenin:
             ohmic_log_ratio=resistance_std,
             pair_log_ratio=resistance_std,
             model_error=1.0,
+            axis_error=1.0,
             level_error=1.0,
             voltage_gain_error=1.0,
             ohmic_activation_error_K=noise.activation_std_K,
@@ -248,6 +263,7 @@ class AugmentedThevenin:
             before._replace(
                 circuit=[charged, *rest],
                 model_error=model_decay * before.model_error,
+                axis_error=model_decay * before.axis_error,
                 level_error=level_decay * before.level_error,
             )
         )
@@ -258,7 +274,7 @@ class AugmentedThevenin:
         u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         _, *v, h = state.circuit
         hysteresis = scaled_hysteresis(h, exp(state.hysteresis_log_ratio), self.model)
-        circuit = np.array([self.curve_soc(state), *v, hysteresis])
+        circuit = np.array([self.curve_soc(state, error.axis_std), *v, hysteresis])
         circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
         lasting_V = error.model_std_V * state.model_error + error.level_std_V * state.level_error
         gain_V = error.gain_std_V * state.voltage_gain_error
@@ -322,6 +338,7 @@ class AugmentedThevenin:
             ohmic_log_ratio=noise.resistance_walk_variance(dt_s),
             pair_log_ratio=noise.resistance_walk_variance(dt_s),
             model_error=1 - model_decay**2,
+            axis_error=1 - model_decay**2,
             level_error=1 - level_decay**2,
         )
         return np.diag(self.vector(variances))
@@ -357,12 +374,16 @@ class AugmentedThevenin:
         noise, state = self.noise, self.split(prior.mean)
         u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         soc = state.circuit[SOC]
-        inside = np.array([clip(self.curve_soc(state), END_MARGIN, 1 - END_MARGIN)])
+        axis_std = sqrt(self.axis_variance(state))
+        shift_std = axis_std if self.axis_is_shift else 0.0
+        inside = np.array([clip(self.curve_soc(state, shift_std), END_MARGIN, 1 - END_MARGIN)])
         slope = self.ocv_slope(inside, state.circuit, u)
         std = minimum(np.sqrt(maximum(prior.cov[SOC, SOC], 0.0)), TANGENT_STD)
         tangent_V, tangent_V2 = self.tangent_error(inside[0], slope[0], std, state.circuit, u)
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
-        uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
+        uncertain_V2 = self.overpotential_share(soc, u) ** 2 * over_V2
+        if not self.axis_is_shift:
+            uncertain_V2 = uncertain_V2 + (axis_std * slope[0]) ** 2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
         curve_V, level_V = noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
@@ -373,6 +394,8 @@ class AugmentedThevenin:
             uncertain_V2=uncertain_V2,
             tangent_V=tangent_V,
             tangent_V2=tangent_V2,
+            axis_std=shift_std,
+            axis_std_V=shift_std * slope[0],
             level_std_V=level_V,
             gain_std_V=noise.gain_error_V(soc, u, self.model),
         )
@@ -380,10 +403,14 @@ class AugmentedThevenin:
     def error_shares(self, soc: Scalar, u: CircuitInput) -> dict[str, Scalar]:
         """Shares of the lasting errors in the standard deviation of their sum at rest; their squares add up to 1."""
         _, level_V = self.noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
-        stds_V = {"level_error": level_V, "voltage_gain_error": self.noise.gain_error_V(soc, u, self.model)}
+        stds_V = {
+            "axis_error": axis_error_V(soc, u, self.model, self.noise),
+            "level_error": level_V,
+            "voltage_gain_error": self.noise.gain_error_V(soc, u, self.model),
+        }
         total_V = lasting_std_V(soc, u, self.model, self.noise)
         shares = {name: std_V / total_V for name, std_V in stds_V.items() if name in self.error_names}
-        return {"model_error": np.sqrt(1.0 - sum(share * share for share in shares.values()))} | shares
+        return {"model_error": np.sqrt(maximum(1.0 - sum(share * share for share in shares.values()), 0.0))} | shares
 
     def tangent_error(
         self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput
@@ -409,9 +436,9 @@ class AugmentedThevenin:
         empty = self.noise.empty_activation_std_K * maximum(cold, 0.0) * emptiness(soc)
         return np.sqrt(base**2 + uneven * uneven + weather * weather + empty * empty)
 
-    def curve_soc(self, state: AugmentedState) -> Scalar:
-        """SoC at which the curve of the file has the voltage of the aged battery."""
-        return state.circuit[SOC] + self.model.ocv_slip * self.slip_at(state)
+    def curve_soc(self, state: AugmentedState, axis_std: Scalar) -> Scalar:
+        """SoC at which the curve of the file has the voltage of the aged battery; axis_std: unit of the axis error."""
+        return state.circuit[SOC] + self.model.ocv_slip * self.slip_at(state) + axis_std * state.axis_error
 
     def axis_variance(self, state: AugmentedState) -> Scalar:
         """Variance of the SoC axis of the curve: the file's, and what a loss of capacity adds."""

@@ -8,7 +8,7 @@ Uncertainty budget of one state, the part of its variance that each group of oth
 These are the Shapley values of v: they add up to v(all), whatever the correlations, and two causes that explain the
 same share it evenly (Owen and Prieur 2017, "On Shapley value for measuring importance of dependent inputs").
 
-A state that stands for several errors at once, the model's voltage error and the charge gain, is shared out by the
+A state that stands for several errors at once, those of voltage and SoC axis and the charge gain, is shared out by the
 variances that the battery file gives to each of them.
 """
 
@@ -125,7 +125,8 @@ class Conditions(NamedTuple):
     temperature_degC: float  #: of the battery; if not measured, the colder one assumed for errors
     slope_V: float  #: change of the open-circuit voltage per unit of SoC
     error_V: Mapping[str, float]  #: standard deviation of each part of the model's voltage error, by cause
-    usual_error_V: Mapping[str, float]  #: the same under a usual load
+    usual_error_V: Mapping[str, float]  #: the same under a usual load, and that by the SoC axis
+    slip_std: float  #: standard deviation of the SoC axis by a loss of capacity, in addition to the file's
     #: relative error of the overpotential at the present SoC, at the temperature of the test
     overpotential_share: float
     unsettled_V: float  #: standard deviation that even a long rest leaves in the voltage
@@ -201,6 +202,7 @@ def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, 
     shares = {
         "voltage_error": _shares(now.error_V),
         "earlier_voltage_error": _shares(now.usual_error_V),
+        "axis": _shares({"axis": noise.soc_axis_std, "capacity": now.slip_std}),
         "charge_gain": _shares({"capacity": noise.capacity_std, "gain": sensor.gain_std}),
     }
     divided: dict[str, VariancePart] = {}
@@ -235,9 +237,9 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
     # SoC axis: the error in the file, and the shift by a loss of capacity
     axis_std = settings.noise.soc_axis_std
-    moved_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
-    slopes_V = {"axis": axis_std * slope_V, "capacity": moved_std * slope_V}
-    error_V = slopes_V | voltage_errors(settings, x, u, now_V)
+    slip_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
+    slopes_V = {"axis": axis_std * slope_V, "capacity": slip_std * slope_V}
+    error_V = voltage_errors(settings, x, u, now_V) | ({} if settings.system.axis_is_shift else slopes_V)
     gain_V = std.get("voltage_gain", 0.0) * float(settings.noise.gain_error_V(x.circuit[SOC], u, settings.model))
     hysteresis_V = std["hysteresis"] * float(settings.model.hysteresis_V_at(x.circuit[SOC], u.temperature_degC))
     return Conditions(
@@ -248,6 +250,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         slope_V,
         error_V,
         slopes_V | voltage_errors(settings, x, u, usual_V),
+        slip_std,
         float(settings.noise.overpotential_share_at(x.circuit[SOC])),
         float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V, gain_V])),
         float(state.unknown_s),
@@ -408,6 +411,7 @@ _CAUSE_BY_NAME = {
     "resistance": "resistance",
     "_log": "resistance",
     "model_error": "voltage_error",
+    "axis_error": "axis",
     "level_error": "voltage_error",
     "voltage_gain": "voltage_gain",
 }

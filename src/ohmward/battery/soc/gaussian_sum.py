@@ -149,6 +149,7 @@ class GaussianSumFilter:
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
         model_decay, level_decay = self.system.error_decays(clean.mean.current_A, clean)
         staying_V2 = update.error.model_std_V**2 * self.variance_after(before, "model_error", model_decay)
+        staying_V2 = staying_V2 + update.error.axis_std_V**2 * self.variance_after(before, "axis_error", model_decay)
         staying_V2 = staying_V2 + update.error.level_std_V**2 * self.variance_after(before, "level_error", level_decay)
         staying_V2 = staying_V2 + update.error.gain_std_V**2 * self.variance_after(before, "voltage_gain_error", 1.0)
         widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - model_decay**2)

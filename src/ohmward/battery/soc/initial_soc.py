@@ -128,11 +128,16 @@ class VoltageStart:
 
 def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
     """Standard deviation [V] of the voltage error at rest that stays: curve, level, axis, temperature, gain."""
-    above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
-    slope = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
+    axis_V = axis_error_V(soc, u, p, noise)
     curve_V, level_V = noise.curve_stds(soc, u.error_degC - p.ocv.reference_degC)
     gain_V = noise.gain_error_V(soc, u, p)
-    return sqrt(curve_V**2 + (noise.soc_axis_std * slope) ** 2 + level_V**2 + gain_V**2)
+    return sqrt(curve_V**2 + axis_V**2 + level_V**2 + gain_V**2)
+
+
+def axis_error_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
+    """Standard deviation [V] of the open-circuit voltage by the error of the curve's SoC axis."""
+    above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
+    return noise.soc_axis_std * (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
 
 
 def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor) -> Any:

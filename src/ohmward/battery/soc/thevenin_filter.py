@@ -208,7 +208,7 @@ class TheveninFilter:
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
         """The belief with the errors of the curve as at a start: a contradicting voltage has driven them away."""
-        for name in ("model_error", "level_error", "voltage_gain_error"):
+        for name in ("model_error", "axis_error", "level_error", "voltage_gain_error"):
             if name in self.state_names:
                 belief = restarted_at(belief, self.state_names.index(name), 0.0, 1.0)
         return belief
