@@ -31,6 +31,14 @@ def test_resistance_falls_with_capacity_and_grows_with_cells(name):
 
 
 @pytest.mark.parametrize("name", CHEMISTRIES)
+def test_a_label_doubts_where_its_charger_stops(name):
+    noise, known = start_noise(name), CHEMISTRIES[name]
+    lower_V = known.ocv().mean_V(1.0 - noise.full_soc_std, 25.0)
+    assert lower_V == pytest.approx(known.ocv_V[-1] * (1.0 if known.gases else 0.988), abs=0.006)
+    assert start_noise(name, ocv_known=True).full_soc_std == 0.0
+
+
+@pytest.mark.parametrize("name", CHEMISTRIES)
 def test_the_first_voltage_is_read_back(name):
     """At rest in the middle of the curve the filter starts where the curve says, within its own sigma."""
     model, noise = start_model(name, 2.0), start_noise()

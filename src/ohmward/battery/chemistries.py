@@ -27,6 +27,8 @@ _LABEL_CAPACITY_STD = 0.1
 _LABEL_RESISTANCE_STD = 0.8
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
+#: Standard deviation of a lithium charger's limit, over the voltage of a full cell: 4.1 V a cell as well as 4.2.
+_CHARGER_SHARE = 0.012
 #: Voltage above which a battery gases, relative to a full one at rest: about 2.23 V for a lead-acid cell.
 _GASSING_SHARE = 1.03
 #: Lowest voltage relative to an empty battery, and highest relative to a full one; the last for batteries that gas.
@@ -280,6 +282,12 @@ class Chemistry:
         """Terminal voltage above which part of a charge makes gas [V]; None where none does."""
         return _GASSING_SHARE * ocv.voltage_V[-1] if self.gases else None
 
+    @property
+    def full_soc_std(self) -> float:
+        """Error of the SoC of a full battery, as the limit of its charger is not known; gas defines that limit."""
+        lower_soc = float(self.ocv().soc_at((1.0 - _CHARGER_SHARE) * self.ocv_V[-1]))
+        return 0.0 if self.gases else round(1.0 - lower_soc, 3)
+
     def ocv(self) -> OcvCurve:
         """The curve on a uniform grid."""
         voltage = np.interp(OCV_GRID, self.soc, self.ocv_V)
@@ -513,6 +521,7 @@ def start_noise(name: str = "", n_series: int = 1, ocv_known: bool = False) -> B
         overpotential_share=0.15,
         level_std_V=n_series * max(curve.std_V) if ocv_known else 0.0,
         soc_axis_std=curve.soc_std,
+        full_soc_std=chemistry(name).full_soc_std if name and not ocv_known else 0.0,
         capacity_std=_LABEL_CAPACITY_STD,
         resistance_std=_LABEL_RESISTANCE_STD,
         activation_std_K=prior.activation_std_K,

@@ -13,6 +13,7 @@ from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import SocFlag
 from ohmward_lab.simulate import BATTERIES
 
 #: Voltage of a full simulated cell is 4.18 V; its charger stops at this one [V].
@@ -59,6 +60,26 @@ def test_what_logs_have_shown_keeps_the_charge_along_the_curve():
     np.testing.assert_allclose(below_full_Ah, before.capacity_Ah * (0.9 - 0.9 * z))
     assert after.knowledge is not None
     assert after.knowledge.seen_from_soc == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("soc", [0.3, 0.6])
+def test_a_label_holds_a_charge_that_ends_below_its_curve_for_one_between_full_and_its_voltage(soc):
+    log, truth = lower_charge(soc)
+    estimates = SocEstimator(label("nca")).run(log).estimates
+    (event,) = np.flatnonzero(estimates.flags.astype(int) & SocFlag.ANCHORED)
+    settled = log.time_s >= log.time_s[event]
+    for full in (1.0, own_full()):  # whether the robot calls this full, or the data sheet of its cells
+        error = np.abs(estimates.soc - truth / own_full() * full)[settled]
+        assert np.mean(error < 1.96 * estimates.soc_std[settled]) > 0.9
+
+
+@pytest.mark.parametrize("limit_V", [None, LIMIT_V])
+def test_a_charge_shows_where_full_is(limit_V):
+    log, _ = day("nca", 0.3, PHASES, limit_V=limit_V)
+    assert label("nca").noise.full_soc_std > 0.0
+    assert full_at_charger_limit(label("nca"), log).noise.full_soc_std == 0.0
+    broken_off = log.between(0.0, 3600.0)
+    assert full_at_charger_limit(label("nca"), broken_off).noise.full_soc_std > 0.0
 
 
 @pytest.mark.parametrize("soc", [0.3, 0.6])

@@ -18,6 +18,13 @@ def test_overpotential_share_is_one_number_or_stands_on_a_grid():
     assert along.overpotential_share_at(1.2) == pytest.approx(0.5)
 
 
+def test_the_error_of_the_full_end_adds_to_the_axis_in_proportion_to_the_charge():
+    noise = BatteryNoise(soc_axis_std=0.03, full_soc_std=0.05)
+    assert noise.axis_std_at(0.0) == 0.03
+    assert noise.axis_std_at(0.8) == pytest.approx(0.05)
+    assert BatteryNoise(soc_axis_std=0.03).axis_std_at(0.8) == 0.03
+
+
 def test_a_negative_share_is_refused():
     with pytest.raises(InputError, match="overpotential_share"):
         BatteryNoise(overpotential_share=(0.1, -0.1))

@@ -26,7 +26,7 @@ from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS
-from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors, rule_of
+from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors, rule_of, with_known_full
 from ohmward.logs.log import Log
 
 #: A full end was lowered by more than 7 % of SoC, twice the error of a label's curve there. It is raised by no less
@@ -35,17 +35,23 @@ _LEAST_RAISE = 1.05
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
-    """The battery that is full where its charger stops in this log; unchanged where its full end is known."""
+    """The battery that is full where its charger stops in this log; unchanged where its full end is known.
+
+    A charge up to the full end of a label's curve shows that this is full.
+    """
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
-    rule = rule_of(battery)
+    known = with_known_full(battery)
+    rule, full = rule_of(known), [a for a in find_anchors(log, known) if a.kind == "full charge"]
+    if full:
+        battery = known
     if battery.knowledge is not None and any(log.anchors for log in battery.learnt_logs):
         if not _was_lowered(battery):
             return battery
-        full = [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.source == VOLTAGE]
-        return raised_to(battery, max((float(rule.relaxed_V(a.voltage_V, _input(a))) for a in full), default=0.0))
-    limit_V = charger_limit_V(log, battery)
-    return battery if limit_V is None else with_full_at(battery, float(rule.soc_at(limit_V)))
+        full_V = [float(rule.relaxed_V(a.voltage_V, _input(a))) for a in full if a.source == VOLTAGE]
+        return raised_to(battery, max(full_V, default=0.0))
+    limit_V = charger_limit_V(log, known)
+    return battery if limit_V is None else with_full_at(known, float(rule.soc_at(limit_V)))
 
 
 def raised_to(battery: Battery, full_V: float) -> Battery:

@@ -327,7 +327,7 @@ def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
     """Standard deviation of the open-circuit curve [V] that the estimators assume, its SoC axis included."""
     model = battery.thevenin
     slope_V = np.gradient(np.asarray(model.ocv.mean_V(soc, model.reference_degC)), soc)
-    return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.soc_axis_std)
+    return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.axis_std_at(soc))
 
 
 def not_identified_sentences(battery: Battery) -> tuple[str, ...]:

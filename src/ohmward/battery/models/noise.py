@@ -91,6 +91,8 @@ class BatteryNoise:
     #: relative error of the overpotential: one number, or (M,) on a uniform grid of SoC
     overpotential_share: float | tuple[float, ...] = 0.05
     soc_axis_std: float = 0.01  #: error of the SoC axis of the OCV curve
+    #: error of that axis at full, in addition: the limit of the charger is not known; less in proportion below full
+    full_soc_std: float = 0.0
     #: error of the level of the OCV curve, common to all SoC, in addition to `model_std_V`; 0 if that already holds it
     level_std_V: float = 0.0
     #: relative error of the voltage sensor's gain against that of the test's sensor; 0 if it is the same one
@@ -157,6 +159,13 @@ class BatteryNoise:
     def model_std_at(self, soc: Any) -> Any:
         """Standard deviation of the model's voltage error [V] at this SoC."""
         return on_soc_grid(self.model_std_V, soc)
+
+    def axis_std_at(self, soc: Any) -> Any:
+        """Standard deviation of the SoC axis of the curve at this SoC."""
+        if not self.full_soc_std:
+            return self.soc_axis_std
+        at_full = self.full_soc_std * soc
+        return sqrt(self.soc_axis_std**2 + at_full * at_full)
 
     def curve_stds(self, soc: Scalar, away_K: Scalar) -> tuple[Scalar, Scalar]:
         """Standard deviations [V] of the curve at this SoC and of its level, `away_K` from the curve's temperature.

@@ -1,6 +1,7 @@
 """Rule for the events that anchor the state of charge: a full charge, a cut-off under load, a long rest.
 
-    full    the voltage has stood still at that of a full battery while the charging current fell to a small share
+    full    the voltage has stood still at that of a full battery while the charging current fell to a small share;
+            at a lower voltage as well, where the full end of the curve is not known
     top     the charging voltage has left the flat part of the curve, whether a charger holds it there or not
     empty   a load ended at a voltage that, without its overpotential, is that of an empty battery
     rest    no current for so long that the RC pairs have relaxed
@@ -189,6 +190,13 @@ class AnchorRule:
         after, top = self.reach_top(after, clean)
         return after, choose(event.gives_soc, event, top)
 
+    def reach_end(self, memory: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
+        """The same with only the ends of charges that the curve does not show, as it is flat or its end unknown."""
+        if not self.noise.full_soc_std:
+            return self.reach_top(memory, clean)
+        after, event = self.step(memory, clean)
+        return after, choose(event.top | (event.full & (clean.voltage_V < self.full_V)), event, NO_EVENT)
+
     def reach_top(self, memory: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
         """The memory after a sample, and the event that a charge has reached the steep end of a flat curve.
 
@@ -265,8 +273,9 @@ class AnchorRule:
         at_limit = clean.voltage_V > self.full_V
         if not self.gases:
             still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-            within_sigmas = (1.0 - still.soc < BEYOND_SIGMAS * still.std) & (still.std < _MOST_STD)
-            at_limit = at_limit | (self.is_held(memory, clean) & within_sigmas)
+            may_be = (1.0 - still.soc < BEYOND_SIGMAS * still.std) & (still.std < _MOST_STD)
+            may_be = may_be | (still.soc > _LOWEST_LIMIT_SOC) if self.noise.full_soc_std else may_be
+            at_limit = at_limit | (self.is_held(memory, clean) & may_be)
         return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
 
     def stops_below_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
@@ -351,7 +360,7 @@ class AnchorRule:
         errors_V = (noise.voltage_std_V, noise.model_std_at(soc), hysteresis_V, gain_V)
         uncertain_V = sqrt(sum(error_V * error_V for error_V in errors_V))
         half = 0.5 * (self.soc_at(voltage_V + uncertain_V) - self.soc_at(voltage_V - uncertain_V))
-        return SocNormal(soc, _hypot(noise.soc_axis_std, half))
+        return SocNormal(soc, _hypot(noise.axis_std_at(soc), half))
 
     def steady_ohm(self, soc: float, u: CircuitInput) -> Scalar:
         """Resistance to a steady current [ohm] at this temperature."""

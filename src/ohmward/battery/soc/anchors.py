@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -153,7 +154,7 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
     """Highest voltage [V], without overpotential, at which a charger stops below full; None if it never does."""
-    rule, limits_V = rule_of(battery), []
+    rule, limits_V = rule_of(with_known_full(battery)), []
     outputs = [output for _, output in _outputs(log, rule)]
     if any(output.full.any() for output in outputs):
         return None
@@ -164,6 +165,12 @@ def charger_limit_V(log: Log, battery: Battery) -> float | None:
         middle_V = float(np.median(log.voltage_V[k:end]))
         limits_V.append(float(rule.relaxed_V(middle_V, row_of(before, end))))
     return max(limits_V, default=None)
+
+
+def with_known_full(battery: Battery) -> Battery:
+    """The battery that is full at the full end of its curve."""
+    known = replace(battery, noise=replace(battery.noise, full_soc_std=0.0))
+    return known if battery.noise.full_soc_std else battery
 
 
 def rule_of(battery: Battery) -> AnchorRule:

@@ -443,7 +443,7 @@ class AugmentedThevenin:
     def axis_variance(self, state: AugmentedState) -> Scalar:
         """Variance of the SoC axis of the curve: the file's, and what a loss of capacity adds."""
         slipped = self.noise.ocv_slip_std * self.slip_at(state)
-        return self.noise.soc_axis_std**2 + slipped * slipped
+        return self.noise.axis_std_at(state.circuit[SOC]) ** 2 + slipped * slipped
 
     def slip_at(self, state: AugmentedState) -> Scalar:
         """Slip of the electrodes in this state per unit of `ocv_slip`; the loss is relative to the capacity left."""

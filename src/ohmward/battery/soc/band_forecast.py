@@ -84,6 +84,7 @@ def after_tests(battery: Battery) -> dict[str, Battery]:
         noise,
         model_std_V=tuple(min(std, curve_V) for std in noise.model_std_V),
         soc_axis_std=0.0,
+        full_soc_std=0.0,
         hysteresis_std=0.0,
         capacity_std=0.0,
     )

@@ -129,6 +129,7 @@ class Conditions(NamedTuple):
     slip_std: float  #: standard deviation of the SoC axis by a loss of capacity, in addition to the file's
     #: relative error of the overpotential at the present SoC, at the temperature of the test
     overpotential_share: float
+    axis_std: float  #: error of the SoC axis of the curve at the present SoC
     unsettled_V: float  #: standard deviation that even a long rest leaves in the voltage
     unknown_s: float  #: time for which the current has been missing
 
@@ -202,7 +203,7 @@ def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, 
     shares = {
         "voltage_error": _shares(now.error_V),
         "earlier_voltage_error": _shares(now.usual_error_V),
-        "axis": _shares({"axis": noise.soc_axis_std, "capacity": now.slip_std}),
+        "axis": _shares({"axis": now.axis_std, "capacity": now.slip_std}),
         "charge_gain": _shares({"capacity": noise.capacity_std, "gain": sensor.gain_std}),
     }
     divided: dict[str, VariancePart] = {}
@@ -236,7 +237,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
     # SoC axis: the error in the file, and the shift by a loss of capacity
-    axis_std = settings.noise.soc_axis_std
+    axis_std = float(settings.noise.axis_std_at(x.circuit[SOC]))
     slip_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
     slopes_V = {"axis": axis_std * slope_V, "capacity": slip_std * slope_V}
     error_V = voltage_errors(settings, x, u, now_V) | ({} if settings.system.axis_is_shift else slopes_V)
@@ -252,6 +253,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         slopes_V | voltage_errors(settings, x, u, usual_V),
         slip_std,
         float(settings.noise.overpotential_share_at(x.circuit[SOC])),
+        axis_std,
         float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V, gain_V])),
         float(state.unknown_s),
     )
@@ -351,9 +353,7 @@ WORDINGS: dict[str, Wording] = {
     "history": Wording(_history, lambda now: "a full charge"),
     "curve": Wording(_curve, lambda now: "a full charge" if is_flat(now) else _BOTH_BRANCHES),
     "axis": Wording(
-        lambda now: (
-            f"SoC axis of the curve known within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.2g} points"
-        ),
+        lambda now: f"SoC axis of the curve known within ± {100 * BAND_95 * now.axis_std:.2g} points",
         lambda now: _BOTH_BRANCHES,
     ),
     "overpotential": Wording(

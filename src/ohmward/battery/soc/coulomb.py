@@ -206,7 +206,7 @@ class RestOcv:
         hysteresis_V = p.hysteresis_V_at(state.soc, state.temperature_degC)
         pairs = pair_resistances(state.soc, CircuitInput(0.0, state.temperature_degC), p)
         past_V = sum(pairs) * REST_CURRENT_C * p.capacity_Ah
-        R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * H) ** 2
+        R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.axis_std_at(state.soc) * H) ** 2
         R = R + (HYSTERESIS_UNKNOWN_STD * hysteresis_V) ** 2 + past_V**2
         P = soc_std * soc_std
         S = H * H * P + R

@@ -137,7 +137,8 @@ def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -
 def axis_error_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
     """Standard deviation [V] of the open-circuit voltage by the error of the curve's SoC axis."""
     above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
-    return noise.soc_axis_std * (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
+    slope_V = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
+    return noise.axis_std_at(soc) * slope_V
 
 
 def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor) -> Any:

@@ -262,7 +262,7 @@ class TheveninFilter:
         """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
         before, credible = without_jump(state.held, self.sanitize(state, sample), self.model)
         held, misled, clean = without_frozen(before, credible, self.model, self.noise)
-        find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_top
+        find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_end
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
 
