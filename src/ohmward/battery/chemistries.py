@@ -130,7 +130,6 @@ class ChemistryPrior(NamedTuple):
 #: 1.4, the factor by which so few cells may underestimate it (quantile of Student's t over that of a normal
 #: distribution). Six NCA and LCO cells: Panasonic PF, two of Samsung, NCA_Kim2011, Ramadass2004, Ai2020.
 _NCA_CURVE = CurvePrior((0.20, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04, 0.04, 0.04, 0.02, 0.015))
-_LCO_CURVE = _NCA_CURVE._replace(soc_length=0.5)
 #: The same for eleven cells labelled NMC: LG M50 in three versions, Molicel P42A, NMC111 pouch of About:Energy,
 #: Mohtat2020, Samsung 20R, two of TU Eindhoven, and the blends with LMO of two cars, which lie 0.1 to 0.19 V higher.
 _NMC_CURVE = CurvePrior((0.35, 0.17, 0.125, 0.11, 0.10, 0.095, 0.08, 0.07, 0.05, 0.02, 0.015))
@@ -148,8 +147,9 @@ _LITHIUM = ChemistryPrior(
     Normal(2700.0, 900.0), Normal(3700.0, 1200.0), Normal(1800.0, 1200.0), 1000.0, 2e-4, _NCA_CURVE, 0.003
 )
 #: The OCV of a full cell with cobalt oxide changes by 0.1 to 0.7 mV/K (Ai et al., J. Electrochem. Soc. 2020, measured);
-#: their cell slips by 0.3 of the loss where two thirds of it are lithium, otherwise by -0.34 to 0.6.
-_COBALT = _LITHIUM._replace(ocv_std_V_per_K=3.5e-4, curve=_LCO_CURVE, ocv_slip=Normal(0.3, 0.4))
+#: their cell slips by 0.3 of the loss where two thirds of it are lithium, otherwise by -0.34 to 0.6. Lithium polymer is
+#: a pouch, and what is in it may be any oxide with cobalt: its curve is as uncertain as that of NMC.
+_COBALT = _LITHIUM._replace(ocv_std_V_per_K=3.5e-4, curve=_NMC_CURVE, ocv_slip=Normal(0.3, 0.4))
 #: Ageing makes one LFP cell slip by 0.64 +- 0.19 of the loss, and its empty end stays.
 #: In fits of an A123 cell from 45 to -15 degC the activation of the hysteresis is 1500 K, of its gap at C/30 1800 K.
 #: On the plateau hysteresis and a slow overpotential look alike in a drive that discharges: the residual is the same
