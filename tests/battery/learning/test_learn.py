@@ -14,7 +14,7 @@ from ohmward.battery.learning import learn
 from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
-from ohmward.battery.learning.solve import moments, solve
+from ohmward.battery.learning.solve import PartProblem, moments, solve
 from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, prior_of, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import SocAnchor
@@ -36,7 +36,7 @@ def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Belief]:
 def test_the_solution_is_that_of_a_kalman_filter_that_considers_the_places_of_empty_and_full():
     model, prior = problem(TESTED, day(MODEL, 1))
     anchors = [SocAnchor(0, 1.0, 0.01)]
-    found = solve(model, prior, anchors, prior.mean, most_steps=40)
+    found = solve(PartProblem(model, prior, anchors), prior.mean, most_steps=40)
     p = model.predict(found.x)
     # linear about the solution, the robust factor of each row as the solution has it
     robust = np.sqrt(1.0 + found.residual_V**2 / (found.variance_V2 * found.misfit) / 2.5**2)

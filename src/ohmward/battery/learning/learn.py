@@ -50,8 +50,9 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import LOCATED_STD, Solution, count_error2, solve, with_capacity
+from ohmward.battery.learning.solve import LOCATED_STD, PartProblem, Solution, count_error2, solve, with_capacity
 from ohmward.battery.learning.start import (
+    NewParts,
     full_at_start,
     given_at_start,
     likely_starts,
@@ -67,7 +68,6 @@ from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
 
 #: Called with the name of a log and the share of all logs that is done.
@@ -148,28 +148,26 @@ def learn_log(
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     if not new.parts:
         return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
+    from_start = new.parts[0].time_s[0] == log.time_s[0]
+    initial_soc = initial_soc if from_start else None
     try:
         today = battery if log.begin_unix_s is None else replace(battery, noise=battery.noise.on(log.begin_unix_s))
         ready = reduce(full_at_charger_limit, new.parts, today)
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
         cycles = 0.5 * log.throughput_Ah() / ready.capacity_Ah
         before = aged(ready, hours_since_last(ready, log), cycles)
-        at_start = new.parts[0].time_s[0] == log.time_s[0]
-        given = given_at_start(ready, log, initial_soc) if at_start else ()
+        given = given_at_start(ready, log, initial_soc) if from_start else ()
         parts = _learn_parts(before, new.parts, anchors, given)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
             return battery, _not_learnt(battery, log, "seen", f"except for a part without information: {refusal}")
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
-    after = parts[-1].battery
-    update = _update(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
-    update = update._replace(reason=limit_sentence(battery, ready) + update.reason)
+    update = _update(battery, ready, log, new, parts, anchors)
     contradiction = _contradiction(before, log, update)
     if not contradiction and check_fit:
-        contradiction = _misfit_of_file(battery, new.parts, initial_soc if at_start else None)
+        contradiction = _misfit_of_file(battery, new.parts, initial_soc)
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
-    anchored = sum(anchor.kind != "rest" for anchor in anchors) + bool(at_start and initial_soc is not None)
     seen = SeenLog(
         name=log.name,
         fingerprint=new.fingerprint,
@@ -177,12 +175,12 @@ def learn_log(
         end_unix_s=log.end_unix_s,
         hours=update.hours,
         summary=update.reason,
-        anchors=anchored,
+        anchors=sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None),
         end_soc=update.soc_end.mean,
         end_soc_std=update.soc_end.std,
         end_current_A=float(np.nan_to_num(log.current_A[-1])),
     )
-    return _remember(ready, after, seen), update
+    return _remember(ready, parts[-1].battery, seen), update
 
 
 def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
@@ -268,49 +266,58 @@ def _learn_parts(
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Update by one part."""
     model = VoltageModel(battery, samples, samples.rows)
-    prior = of_file = prior_of(model, model_floor_V(battery))
-    start = _best_start(model, prior, anchors)
-    found = solve(model, prior, anchors, start)
+    of_file = prior_of(model, model_floor_V(battery))
+    problem = PartProblem(model, of_file, anchors)
+    found = solve(problem, _best_start(problem))
     for _ in range(_AGE_ROUNDS if battery.knowledge is None else 0):
-        prior = prior_of_age(model, of_file, found.x)
-        found = solve(model, prior, anchors, found.x)
+        problem = replace(problem, prior=prior_of_age(model, of_file, found.x))
+        found = solve(problem, found.x)
     located = anchors or found.ends_std.min() < LOCATED_STD
-    error2 = count_error2(model, anchors, found)
-    found = with_capacity(model, prior, anchors, found, error2)
+    error2 = count_error2(problem, found)
+    found = with_capacity(problem, found, error2)
     K = model.parameters.size
     theta, covariance = found.x[:K], found.covariance[:K, :K]
     lowest_soc = float(found.charge.soc.min())
     if not located:
-        theta, covariance = with_curve_of_file(model.parameters, theta, covariance, prior.cov[:K, :K])
+        before = problem.prior.cov[:K, :K]
+        theta, covariance = with_curve_of_file(model.parameters, theta, covariance, before)
         lowest_soc = 1.0
     after = fold(battery, theta, covariance, lowest_soc, error2)
-    return _Part(after, found, model, log_estimates(model, prior, found, after))
+    return _Part(after, found, model, log_estimates(model, problem.prior, found, after))
 
 
-def _best_start(model: VoltageModel, prior: Belief, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
+def _best_start(problem: PartProblem) -> np.ndarray:
     """The start of the search that leads to the highest mode."""
     candidates = []
-    for soc in likely_starts(model, prior.mean, anchors):
-        x = prior.mean.copy()
-        x[model.unknowns.group("start soc")] = soc
+    for soc in likely_starts(problem.model, problem.prior.mean, problem.anchors):
+        x = problem.prior.mean.copy()
+        x[problem.model.unknowns.group("start soc")] = soc
         candidates.append(x)
     if len(candidates) == 1:
         return candidates[0]
-    tried = [solve(model.linear_about(x, _COARSE), prior, anchors, x, _FEW_STEPS) for x in candidates]
+    tried = [solve(problem.coarse(x, _COARSE), x, _FEW_STEPS) for x in candidates]
     return min(tried, key=lambda solution: solution.cost).x
 
 
-def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], anchors: tuple[Anchor, ...]) -> LogUpdate:
-    """Update by the log, from the batteries before and after it."""
+def _update(
+    file: Battery, before: Battery, log: Log, new: NewParts, parts: Sequence[_Part], anchors: tuple[Anchor, ...]
+) -> LogUpdate:
+    """Update by the log.
+
+    file: the battery as its file has it; before: the same that is full where the charger of the log stops.
+    """
+    after = parts[-1].battery
     socs = [part.solution.charge.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
+    rows = [part.model.rows.size for part in parts]
+    deepest = min(parts, key=lambda part: part.own.lowest_soc)
     found = known(after)
     information = narrowed(parameters_of(after), prior_covariance(before), prior_covariance(after))
     return LogUpdate(
         log=log.name,
         verdict="learnt",
-        reason=what_narrowed(information),
-        hours=log.duration_s / SECONDS_PER_HOUR,
+        reason=limit_sentence(file, before) + what_narrowed(information),
+        hours=new.hours,
         soc_min=float(min(soc.min() for soc in socs)),
         soc_max=float(max(soc.max() for soc in socs)),
         capacity_Ah=found.capacity_Ah,
@@ -318,15 +325,14 @@ def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         offset_A=found.offset_A,
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
-        misfit=float(
-            np.average([part.solution.misfit for part in parts], weights=[part.model.rows.size for part in parts])
-        ),
+        misfit=float(np.average([part.solution.misfit for part in parts], weights=rows)),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
         own_capacity_Ah=combined([part.own.capacity_Ah for part in parts]),
         own_resistance_ohm=combined([part.own.resistance_ohm for part in parts]),
-        given_Ah=min((part.own for part in parts), key=lambda own: own.lowest_soc).given_Ah,
+        given_Ah=deepest.own.given_Ah,
         anchors=anchors,
+        left_out=new.left_out,
     )
 
 

@@ -20,7 +20,8 @@ by the two places:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -89,83 +90,54 @@ class PartRows(NamedTuple):
     charge: ChargeAlong
 
 
-def solve(
-    model: VoltageModel,
-    prior: Belief,
-    anchors: Sequence[SocAnchor],
-    start: np.ndarray,
-    most_steps: int = _MOST_STEPS,
-    fixed: Mapping[int, float] | None = None,
-    misfit: float | None = None,
-) -> Solution:
-    """The solution from a start (n,), with rows counting less where their errors are larger than their variance.
+@dataclass(frozen=True, eq=False)
+class PartProblem:
+    """Voltages, prior and anchors of one part of a log."""
 
-    prior: of all unknowns (n,).
-    fixed: values of unknowns that are not sought, by their place.
-    misfit: factor on the variance of the rows; None finds it.
-    """
-    x = start.copy()
-    for k, value in (fixed or {}).items():
-        x[k] = value
-    part, precision = _PartProblem(model, anchors), np.linalg.inv(prior.cov)
-    density = Gaussian(precision, precision @ prior.mean)
-    free = np.array([k for k in range(x.size) if k not in (fixed or {})])
+    model: VoltageModel
+    prior: Belief  #: of all unknowns (n,)
+    anchors: Sequence[SocAnchor]
 
-    def minimum(H: np.ndarray, gradient: np.ndarray, x: np.ndarray) -> np.ndarray:
-        there = x.copy()
-        there[free] += np.linalg.solve(H[np.ix_(free, free)], gradient[free])
-        return there
+    def coarse(self, x: np.ndarray, every: int) -> PartProblem:
+        """The problem with every `every`-th row, its circuit linear about x (n,): much quicker."""
+        return replace(self, model=self.model.linear_about(x, every))
 
-    factor = misfit or 1.0
-    for _ in range(_MISFIT_ROUNDS if misfit is None else 1):
-        x, there = gauss_newton(partial(part.about, misfit=factor), density, x, most_steps, minimum)
-        found = misfit_of(there.residual_V, there.variance_V2)
-        if misfit is not None or found <= _SAME_MISFIT * factor:
-            break
-        factor = found
-    H, cost = hessian(there.columns, density), there.cost + density.cost(x)
-    within = np.linalg.inv(H)
-    errors = there.residual_V, there.variance_V2, part.weight / factor
-    solution = Solution(x, H, within, cost, *errors, factor, there.charge)
-    moved = within @ (there.columns.T @ there.of_places) * place_std(model, solution)
-    return solution._replace(covariance=within + moved @ moved.T)
+    @property
+    def capacity(self) -> int:
+        """Place of the correction of the logarithm of the capacity."""
+        return self.model.parameters.group("capacity").start
 
+    @cached_property
+    def density(self) -> Gaussian:
+        """The prior as precision and information."""
+        precision = np.linalg.inv(self.prior.cov)
+        return Gaussian(precision, precision @ self.prior.mean)
 
-def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
-    """Factor by which the squares of the residuals exceed their variance on average, at least 1.
-
-    The share `_GLITCHES` that fits worst is left out: the robust weights take care of it.
-    """
-    square = np.sort(residual_V**2 / variance_V2)
-    usual = square[: square.size - int(_GLITCHES * square.size)]
-    return max(float(usual.mean()), 1.0) if usual.size else 1.0
-
-
-class _PartProblem:
-    """Rows of one part as a function of the unknowns."""
-
-    def __init__(self, model: VoltageModel, anchors: Sequence[SocAnchor]):
-        self.model, self.anchors = model, anchors
-        self.measured_V = model.samples.voltage_V[model.rows]
-        row_s = model.samples.row_s * model.samples.rows.size / max(model.rows.size, 1)
-        self.weight = np.full(model.rows.size, row_s / max(row_s, 2 * model.battery.noise.correlation_s))
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """(N,) number of voltages that each row counts as."""
+        model, rows = self.model, self.model.rows
+        row_s = model.samples.row_s * model.samples.rows.size / max(rows.size, 1)
+        weight = np.full(rows.size, row_s / max(row_s, 2 * model.battery.noise.correlation_s))
         # the first sample of a persistent error is as good as any: a rest before a drive counts
-        self.weight[np.unique(np.searchsorted(model.rows, model.starts).clip(0, model.rows.size - 1))] = 1.0
-        self.offset_std_A = max(model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
+        first = np.searchsorted(rows, model.starts).clip(0, rows.size - 1)
+        weight[first] = 1.0
+        return weight
 
     def about(self, x: np.ndarray, misfit: float) -> PartRows:
         """The rows about the unknowns x (n,); misfit: factor on the variance of the voltages."""
-        p, white_V = self.model.predict(x), self.model.battery.noise.voltage_std_V
-        share = np.minimum(self.model.battery.noise.overpotential_share_at(p.soc), _LARGEST_SHARE)
+        p, noise = self.model.predict(x), self.model.battery.noise
+        share = np.minimum(noise.overpotential_share_at(p.soc), _LARGEST_SHARE)
         slope_V = p.voltage_columns[:, self.model.unknowns.group("start soc").start]
-        variance_V2 = voltage_variance(white_V, share, p.over_V2, slope_V)
-        residual_V = self.measured_V - p.voltage_V
+        variance_V2 = voltage_variance(noise.voltage_std_V, share, p.over_V2, slope_V)
+        residual_V = self.model.samples.voltage_V[self.model.rows] - p.voltage_V
         robust = robust_weights(residual_V**2 / (variance_V2 * misfit))
         scale = np.sqrt(self.weight * robust / (variance_V2 * misfit))
         of_soc, soc_columns = self.soc_rows(x, p.charge)
         of_offset, offset_columns = self.model.offset_rows(x)
-        of_anchors = np.concatenate([of_soc, of_offset / self.offset_std_A])
-        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / self.offset_std_A])
+        offset_std_A = max(self.model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
+        of_anchors = np.concatenate([of_soc, of_offset / offset_std_A])
+        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / offset_std_A])
         # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
         width = self.weight @ np.log(variance_V2)
         cost = float(self.weight @ pseudo_huber(robust) + of_anchors @ of_anchors + width)
@@ -189,6 +161,62 @@ class _PartProblem:
         at, std = np.array([row.sample for row in rows]), np.array([row.std for row in rows])
         residual = np.array([row.soc for row in rows]) - soc[at]
         return residual / std, charge.soc_columns(at) / std[:, None]
+
+
+def solve(
+    problem: PartProblem,
+    start: np.ndarray,
+    most_steps: int = _MOST_STEPS,
+    capacity: float | None = None,
+    misfit: float | None = None,
+) -> Solution:
+    """The solution from a start (n,), with rows counting less where their errors are larger than their variance.
+
+    capacity: correction of the logarithm of the capacity, if it is not sought.
+    misfit: factor on the variance of the rows; None finds it.
+    """
+    x, free = start.copy(), np.ones(start.size, dtype=bool)
+    if capacity is not None:
+        x[problem.capacity], free[problem.capacity] = capacity, False
+
+    def minimum(H: np.ndarray, gradient: np.ndarray, x: np.ndarray) -> np.ndarray:
+        there = x.copy()
+        there[free] += np.linalg.solve(H[np.ix_(free, free)], gradient[free])
+        return there
+
+    density = problem.density
+    factor = misfit or 1.0
+    for _ in range(_MISFIT_ROUNDS if misfit is None else 1):
+        x, there = gauss_newton(partial(problem.about, misfit=factor), density, x, most_steps, minimum)
+        found = misfit_of(there.residual_V, there.variance_V2)
+        if misfit is not None or found <= _SAME_MISFIT * factor:
+            break
+        factor = found
+    H = hessian(there.columns, density)
+    within = np.linalg.inv(H)
+    solution = Solution(
+        x=x,
+        hessian=H,
+        covariance=within,
+        cost=there.cost + density.cost(x),
+        residual_V=there.residual_V,
+        variance_V2=there.variance_V2,
+        weight=problem.weight / factor,
+        misfit=factor,
+        charge=there.charge,
+    )
+    moved = within @ (there.columns.T @ there.of_places) * place_std(problem, solution)
+    return solution._replace(covariance=within + moved @ moved.T)
+
+
+def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
+    """Factor by which the squares of the residuals exceed their variance on average, at least 1.
+
+    The share `_GLITCHES` that fits worst is left out: the robust weights take care of it.
+    """
+    square = np.sort(residual_V**2 / variance_V2)
+    usual = square[: square.size - int(_GLITCHES * square.size)]
+    return max(float(usual.mean()), 1.0) if usual.size else 1.0
 
 
 #: Steps of the grid to either side: the first in standard deviations at the mode, factor from one to the next, largest
@@ -220,53 +248,50 @@ _LEAST_STEP, _SEARCH_STEPS = 0.002, 4
 _COARSE, _MARGINAL_ROWS = 10, 300
 
 
-def capacity_marginal(
-    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution
-) -> Normal | None:
+def capacity_marginal(problem: PartProblem, found: Solution) -> Normal | None:
     """Mean and standard deviation of the correction of the logarithm of the capacity; None with several modes.
 
     Some rows are enough for a log that has one mode. Where they show another one, all rows are used for a log that
     counts the charge between full charges and cut-offs more than once; any other log does not give the capacity.
     """
-    q = model.parameters.group("capacity").start
-    some = max(1, min(_COARSE, model.rows.size // _MARGINAL_ROWS))
-    cut_offs = sum(a.soc < _HALF for a in anchors)
-    counted = min(cut_offs, len(anchors) - cut_offs) > 1
+    some = max(1, min(_COARSE, problem.model.rows.size // _MARGINAL_ROWS))
+    cut_offs = sum(a.soc < _HALF for a in problem.anchors)
+    counted = min(cut_offs, len(problem.anchors) - cut_offs) > 1
     for every in (some, 1) if counted else (some,):
-        points = _scan(model.linear_about(found.x, every), prior, anchors, found)
+        points = _scan(problem.coarse(found.x, every), found)
         if points:
+            q = problem.capacity
             return moments(points, float(np.sqrt(found.covariance[q, q])))
     return None
 
 
-def _scan(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
+def _scan(problem: PartProblem, found: Solution) -> dict[float, float]:
     """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest mode."""
-    q = model.parameters.group("capacity").start
-    step = max(_FIRST_STEP_STDS * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
-    x, cost = _profile(model, prior, anchors, found.x, float(found.x[q]), found.misfit)
-    points = {float(found.x[q]): cost}
-    for side in (1.0, -1.0):
-        value, width, here = float(found.x[q]), step, x
+    q = problem.capacity
+    middle = float(found.x[q])
+    first_step = max(_FIRST_STEP_STDS * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
+    x, cost = _profile(problem, found.x, middle, found.misfit)
+    points = {middle: cost}
+    for step in (first_step, -first_step):
+        value, here = middle, x
         for _ in range(_MOST_GRID_STEPS):
-            value += side * width
-            here, there = _profile(model, prior, anchors, here, value, found.misfit)
+            value += step
+            step *= _STEP_FACTOR
+            here, there = _profile(problem, here, value, found.misfit)
             if there < cost - _HIGHER and max(points.values()) > cost + _BARRIER:
                 return {}
             points[value] = there
-            width *= _STEP_FACTOR
             if there > min(points.values()) + _END_RISE:
                 break
     return points
 
 
-def _profile(
-    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], start: np.ndarray, value: float, misfit: float
-) -> tuple[np.ndarray, float]:
+def _profile(problem: PartProblem, start: np.ndarray, capacity: float, misfit: float) -> tuple[np.ndarray, float]:
     """The most likely unknowns at a capacity, and -2 ln of its marginal density up to a constant."""
-    q = model.parameters.group("capacity").start
-    there = solve(model, prior, anchors, start, _SEARCH_STEPS, {q: value}, misfit)
-    others = np.delete(np.arange(start.size), q)
-    return there.x, there.cost + float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
+    there = solve(problem, start, _SEARCH_STEPS, capacity, misfit)
+    others = np.arange(start.size) != problem.capacity
+    narrowed = float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
+    return there.x, there.cost + narrowed
 
 
 def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
@@ -283,16 +308,16 @@ def moments(points: Mapping[float, float], least_std: float = 0.0) -> Normal:
     return Normal(mean, max(float(np.sqrt(weight @ (grid - mean) ** 2)), least_std))
 
 
-def place_std(model: VoltageModel, found: Solution) -> np.ndarray:
+def place_std(problem: PartProblem, found: Solution) -> np.ndarray:
     """(2,) standard deviations of the places of empty and full on the curve."""
-    located = found.ends_std.max() < LOCATED_STD and came_to_empty(model, found)
-    of_curve = np.full(2, model.battery.noise.soc_axis_std)
+    located = found.ends_std.max() < LOCATED_STD and came_to_empty(problem.model, found)
+    of_curve = np.full(2, problem.model.battery.noise.soc_axis_std)
     return np.minimum(of_curve, (_EMPTY_PLACE_STD, _FULL_PLACE_STD)) if located else of_curve
 
 
-def count_error2(model: VoltageModel, anchors: Sequence[SocAnchor], found: Solution) -> float:
+def count_error2(problem: PartProblem, found: Solution) -> float:
     """Variance of a capacity by the charge of the part, without that of its offset."""
-    return capacity_error2(place_std(model, found), anchors, float(np.ptp(found.charge.soc)))
+    return capacity_error2(place_std(problem, found), problem.anchors, float(np.ptp(found.charge.soc)))
 
 
 def came_to_empty(model: VoltageModel, found: Solution) -> bool:
@@ -305,9 +330,7 @@ def came_to_empty(model: VoltageModel, found: Solution) -> bool:
     return bool(lowest_V[-1] <= (1.0 + _CUT_OFF_SHARE) * empty_V)
 
 
-def with_capacity(
-    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution, error2: float
-) -> Solution:
+def with_capacity(problem: PartProblem, found: Solution, error2: float) -> Solution:
     """The solution with the distribution of the capacity that its part supports.
 
     error2: see `count_error2`.
@@ -316,19 +339,19 @@ def with_capacity(
     part says nothing about it but by its offset: along the charge below full the curve is the same whatever the
     capacity is. Nor does one whose curve and anchors could be that far off (`capacity_error2`).
     """
-    knowledge = model.battery.knowledge
-    of_offset = capacity_by_offset(model.parameters, prior, Belief(found.x, found.covariance))
+    knowledge = problem.model.battery.knowledge
+    of_offset = capacity_by_offset(problem.model.parameters, problem.prior, Belief(found.x, found.covariance))
     if knowledge is None or found.charge.soc.min() < knowledge.seen_from_soc - _DEEPER:
         informed = error2 < _INFORMED_SHARE * of_offset.std**2
-        marginal = capacity_marginal(model, prior, anchors, found) if informed else None
+        marginal = capacity_marginal(problem, found) if informed else None
         if marginal is None:
-            return with_marginal(model, prior, anchors, found, of_offset)._replace(capacity_known=False)
+            return with_marginal(problem, found, of_offset)._replace(capacity_known=False)
         gain = of_offset.std**2 / (of_offset.std**2 + error2)
         at_least = float(np.sqrt(gain * error2))
-        return with_marginal(model, prior, anchors, found, Normal(marginal.mean, max(marginal.std, at_least)))
-    if any(anchor.soc < _HALF for anchor in anchors):
+        return with_marginal(problem, found, Normal(marginal.mean, max(marginal.std, at_least)))
+    if any(anchor.soc < _HALF for anchor in problem.anchors):
         return found
-    return with_marginal(model, prior, anchors, found, of_offset)
+    return with_marginal(problem, found, of_offset)
 
 
 def capacity_by_offset(p: Unknowns, prior: Belief, found: Belief) -> Normal:
@@ -351,17 +374,13 @@ def capacity_error2(ends_std: np.ndarray, anchors: Sequence[SocAnchor], depth: f
     return min([of_curve, *between])
 
 
-def with_marginal(
-    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution, marginal: Normal
-) -> Solution:
-    """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
-    q = model.parameters.group("capacity").start
-    there = solve(model, prior, anchors, found.x, _SEARCH_STEPS, {q: marginal.mean})
-    return _with_variance(there, q, marginal.std**2)
+def with_marginal(problem: PartProblem, found: Solution, marginal: Normal) -> Solution:
+    """The solution at the mean of the capacity, all others fitted to it, and with its variance.
 
-
-def _with_variance(found: Solution, q: int, variance: float) -> Solution:
-    """The solution with this variance of the unknown q; all others follow by their covariance with it."""
-    slope = found.covariance[:, q] / found.covariance[q, q]
-    added = variance - found.covariance[q, q]
-    return found._replace(covariance=found.covariance + added * np.outer(slope, slope))
+    All others follow the capacity by their covariance with it.
+    """
+    q = problem.capacity
+    there = solve(problem, found.x, _SEARCH_STEPS, marginal.mean)
+    slope = there.covariance[:, q] / there.covariance[q, q]
+    added = marginal.std**2 - there.covariance[q, q]
+    return there._replace(covariance=there.covariance + added * np.outer(slope, slope))

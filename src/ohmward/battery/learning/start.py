@@ -103,7 +103,7 @@ _CLEAR = 60.0
 _SLOPE_STEP, _BOUND_WIDTH, _LEAST_CURVE_V2 = 0.005, 0.05, 1e-12
 
 
-def likely_starts(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -> list[float]:
+def likely_starts(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> list[float]:
     """States of charge at the start, the most likely first, with all other unknowns as in x (n,)."""
     rows = model.rows[:: max(1, model.rows.size // _COARSE_ROWS)]
     coarse = VoltageModel(model.battery, model.samples, rows)
@@ -115,7 +115,7 @@ def likely_starts(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, 
     return [float(_GRID[k]) for k in best]
 
 
-def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
+def _costs(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> np.ndarray:
     """(G,) cost of each start: of the voltage, with an error of the curve along all of SoC, of anchors and bounds.
 
     The overpotentials are those of one start: they depend little on SoC.
