@@ -18,7 +18,15 @@ from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_hysteresis, next_state, pair_decays, voltage
+from ohmward.battery.models.thevenin import (
+    CircuitInput,
+    Thevenin,
+    at_rest,
+    next_hysteresis,
+    next_state,
+    pair_decays,
+    voltage,
+)
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.optional import require
 from ohmward.trace import Kernel
@@ -159,8 +167,7 @@ class PairSteps(NamedTuple):
 def pair_steps(samples: FitSamples, p: Thevenin) -> list[PairSteps]:
     """The steps of each RC pair."""
     u = CircuitInput(samples.mean_current_A, samples.temperature_degC)
-    nothing = np.zeros(samples.soc.size)
-    _, *drives_V, _ = next_state(np.array([samples.soc_before, *([nothing] * (p.pairs + 1))]), u, p, samples.dt_s)
+    _, *drives_V, _ = next_state(at_rest(samples.soc_before, p), u, p, samples.dt_s)
     decays = pair_decays(u, p, samples.dt_s)
     return [PairSteps(decay, drive_V) for decay, drive_V in zip(decays, drives_V, strict=True)]
 

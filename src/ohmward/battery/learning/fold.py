@@ -27,6 +27,7 @@ from ohmward.battery.models.thevenin import (
     CircuitInput,
     Corrections,
     Thevenin,
+    at_rest,
     next_state,
     overpotentials,
     scaled_hysteresis,
@@ -75,9 +76,11 @@ def fold(
     lowest_soc: lowest SoC of the log, by the new capacity; count_error2: see `without_capacity`.
     """
     p = parameters_of(battery)
-    curve, offset, sensor = OpenCircuit(battery, theta, p), p.group("offset"), battery.sensor
-    model, log_ratio = folded_model(curve, covariance), curve.place.log_ratio
-    seen_from_soc = min(lowest_soc, float(true_soc(np.array(curve.place.seen_from_soc), log_ratio)))
+    curve, sensor = OpenCircuit(battery, theta, p), battery.sensor
+    model = folded_model(curve, covariance)
+    seen_before = float(true_soc(np.array(curve.place.seen_from_soc), curve.place.log_ratio))
+    seen_from_soc = min(lowest_soc, seen_before)
+    offset = p.group("offset")
     if theta[offset].size:
         std_A = float(np.sqrt(covariance[offset, offset][0, 0]))
         sensor = replace(sensor, offset_A=sensor.offset_A + float(theta[offset][0]), offset_std_A=std_A)
@@ -127,8 +130,9 @@ def without_capacity(covariance: np.ndarray, battery: Battery, count_error2: flo
     found, p = covariance.copy(), parameters_of(battery)
     q, offset = p.group("capacity"), p.group("offset")
     gain = np.linalg.solve(covariance[offset, offset], covariance[offset, q])
-    variance, by_offset = float(covariance[q, q].sum()), float((gain * covariance[offset, q]).sum())
-    share = min(max(variance - count_error2, 0.0), by_offset) / by_offset if by_offset else 0.0
+    by_offset = float((gain * covariance[offset, q]).sum())
+    beyond_count = max(float(covariance[q, q].sum()) - count_error2, 0.0)
+    share = min(beyond_count, by_offset) / by_offset if by_offset else 0.0
     found[q, :] = np.sqrt(share) * gain.T @ covariance[offset, :]
     found[:, q] = found[q, :].T
     found[q, q] = covariance[q, q]
@@ -204,10 +208,11 @@ def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> Batte
     axis_std = min(noise.soc_axis_std, max(SOC_AXIS_STD, _axis_std(battery, curve_V)))
     floor_V = model_floor_V(battery)
     model_V = np.hypot(beyond_axis_V(curve_V, battery.thevenin.ocv, axis_std), floor_V)
-    capacity_std = float(np.sqrt(max(float(np.square(std[p.group("capacity")]).sum()) - gain_std**2, 0.0)))
-    activation_K = float(np.sqrt(np.mean(np.square(std[p.group("activation")]))) if p.sizes["activation"] else 0.0)
+    capacity_variance = float(np.square(std[p.group("capacity")]).sum()) - gain_std**2
+    capacity_std = float(np.sqrt(max(capacity_variance, 0.0)))
+    activation_K = _rms(std[p.group("activation")])
     empty_K = float(std[p.group("empty_activation")].sum())
-    entropy = float(np.sqrt(np.mean(np.square(std[p.group("entropy")]))) if p.sizes["entropy"] else 0.0)
+    entropy = _rms(std[p.group("entropy")])
     return replace(
         noise,
         model_std_V=tuple(model_V.tolist()),
@@ -222,6 +227,10 @@ def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> Batte
         ocv_std_V_per_K=remaining_std(entropy, ENTROPY_SHARE * noise.ocv_std_V_per_K, noise.ocv_std_V_per_K),
         hysteresis_std=remaining_std(float(std[p.group("hysteresis")].sum()), HYSTERESIS_STD, noise.hysteresis_std),
     )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
 
 def known_since(battery: Battery, unix_s: float | None) -> Battery:
@@ -282,9 +291,10 @@ def pulse_ohm(model: Thevenin) -> float:
 
 def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
     """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
-    u, nothing = CircuitInput(-model.capacity_Ah, model.reference_degC), np.zeros(soc.size)
-    _, *v, h = next_state(np.array([soc, *([nothing] * (model.pairs + 1))]), u, model, PULSE_S)
-    ohm = sum(overpotentials(np.array([soc, *v, h]), u, model)) / u.current_A
+    u = CircuitInput(-model.capacity_Ah, model.reference_degC)
+    x = next_state(at_rest(soc, model), u, model, PULSE_S)
+    x[0] = soc
+    ohm = sum(overpotentials(x, u, model)) / u.current_A
     return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / model.capacity_As
 
 

@@ -157,7 +157,8 @@ def _without(log: Log, quantity: str, stuck: list[tuple[int, int]], fault: str =
 def _least_resistance(battery: Battery) -> float:
     """Lowest ohmic resistance [ohm] that the file does not rule out."""
     model = battery.thevenin
-    usual = float(np.median(model.r0_discharge_ohm)) or float(np.sum([np.median(r) for r in model.r_ohm]))
+    ohmic, pairs = np.median(model.r0_discharge_ohm), np.sum([np.median(ohm) for ohm in model.r_ohm])
+    usual = float(ohmic or pairs)
     return max(usual, 1e-9) * float(np.exp(-_LEAST_RESISTANCE_STD * battery.noise.resistance_std))
 
 

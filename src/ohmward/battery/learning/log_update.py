@@ -54,15 +54,11 @@ def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Ba
     pull = precision @ found.x[:K]
     all_resistances = np.zeros(K)
     all_resistances[p.places("ohmic", "pair")] = 1.0
-    lowest_soc, given_Ah = _given(model, found, after)
-    return LogEstimates(
-        log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
-        if found.capacity_known
-        else _UNINFORMATIVE,
-        log_estimate(pulse_ohm(after.thevenin), all_resistances, pull, information),
-        lowest_soc,
-        given_Ah,
-    )
+    capacity_Ah = _UNINFORMATIVE
+    if found.capacity_known:
+        capacity_Ah = log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
+    resistance_ohm = log_estimate(pulse_ohm(after.thevenin), all_resistances, pull, information)
+    return LogEstimates(capacity_Ah, resistance_ohm, *_given(model, found, after))
 
 
 def combined(shares: Sequence[Normal]) -> Normal:

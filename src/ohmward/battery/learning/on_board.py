@@ -107,7 +107,7 @@ def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) ->
     room = CircuitInput(0.0, system.model.reference_degC)
     began = system.start(_ANY_SOC, 1.0, room)
     at = [system.state_names.index(name) for name in names]
-    m, C, C0 = _corrections(belief, began.mean, at, names.index("charge_gain"), began.cov)
+    m, C, C0 = _corrections(belief, began, at, names.index("charge_gain"))
     L = np.linalg.cholesky(C0)
     narrowed, axes = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, C).T))
     narrower = np.where(narrowed < 1.0, narrowed, np.inf)
@@ -117,17 +117,15 @@ def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) ->
     return (back * information) @ back.T, back @ (whitened / narrower)
 
 
-def _corrections(
-    belief: Belief, began: np.ndarray, at: list[int], gain: int, began_cov: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _corrections(belief: Belief, began: Belief, at: list[int], gain: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean and covariance of z now, and its covariance at the beginning; the gain g as ln Q = -ln g."""
-    m = belief.mean[at] - began[at]
-    C, C0 = belief.cov[np.ix_(at, at)].copy(), began_cov[np.ix_(at, at)].copy()
     g = float(belief.mean[at[gain]])
+    m = belief.mean[at] - began.mean[at]
     m[gain] = -math.log(g)
-    for covariance, slope in ((C, -1.0 / g), (C0, -1.0)):
-        covariance[gain, :] *= slope
-        covariance[:, gain] *= slope
+    by_gain, by_gain_at_first = np.ones(len(at)), np.ones(len(at))
+    by_gain[gain], by_gain_at_first[gain] = -1.0 / g, -1.0
+    C = by_gain[:, None] * belief.cov[np.ix_(at, at)] * by_gain
+    C0 = by_gain_at_first[:, None] * began.cov[np.ix_(at, at)] * by_gain_at_first
     return m, C, C0
 
 

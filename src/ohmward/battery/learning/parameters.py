@@ -73,9 +73,10 @@ def parameters_of(battery: Battery) -> Unknowns:
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: the one learnt, or that of the file's noise before any log."""
     prior = _Prior(battery, battery.thevenin)
-    learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
+    learnt, P = battery.knowledge, prior.covariance
     if learnt is None:
         return P
+    names = prior.parameters.names
     # a parameter that the file takes as exact by now is left out of what it has learnt
     still = [k for k, name in enumerate(learnt.names) if name in names]
     # a parameter that the file did not have when it learnt follows the others as before any log
@@ -162,9 +163,9 @@ class _Prior(NamedTuple):
 
     @property
     def pairs(self) -> np.ndarray:
-        level, n = self.noise.resistance_std**2, self.model.pairs
-        each = _PAIR_SHARE**2 * level * np.eye(n)
-        return level + np.kron(each, np.ones_like(self.shape)) + np.kron(np.eye(n), self.shape)
+        level, of_each = self.noise.resistance_std**2, np.eye(self.model.pairs)
+        apart = np.kron(_PAIR_SHARE**2 * level * of_each, np.ones_like(self.shape))
+        return level + apart + np.kron(of_each, self.shape)
 
     @property
     def ocv(self) -> np.ndarray:
@@ -179,15 +180,17 @@ class _Prior(NamedTuple):
 
     @property
     def entropy(self) -> Group:
-        std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
-        return Group(names if std else (), std**2 * correlation(ENTROPY_KNOTS[: 3 * bool(std)], ENTROPY_LENGTH))
+        std = self.noise.ocv_std_V_per_K
+        knots = ENTROPY_KNOTS if std else ENTROPY_KNOTS[:0]
+        names = tuple(f"ocv_V_per_K at {at}" for at in _along(knots))
+        return Group(names, std**2 * correlation(knots, ENTROPY_LENGTH))
 
 
 def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
     """Slope of the curve [V per unit of SoC] over `_SLOPE_WIDTH` to either side, less at the ends."""
     degC = ocv.reference_degC
     low, high = np.clip(soc - _SLOPE_WIDTH, 0.0, 1.0), np.clip(soc + _SLOPE_WIDTH, 0.0, 1.0)
-    return (np.asarray(ocv.mean_V(high, degC)) - np.asarray(ocv.mean_V(low, degC))) / (high - low)
+    return np.asarray((ocv.mean_V(high, degC) - ocv.mean_V(low, degC)) / (high - low))
 
 
 def _each(names: list[str], stds: list[float]) -> Group:

@@ -114,11 +114,12 @@ def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float 
     alone: estimates from the log with nothing else known.
     explained_worse: see the function of this name.
     """
-    z = [_log_ratio(old, new) / np.hypot(old.relative_std, new.relative_std) for old, new in _pairs(known, alone)]
-    doubtful = explained_worse > _EXPLAINED_WORSE
+    pairs = _pairs(known, alone)
+    z = [_log_ratio(old, new) / np.hypot(old.relative_std, new.relative_std) for old, new in pairs]
+    if explained_worse <= _EXPLAINED_WORSE:
+        return _contradiction(known, alone, z, _OTHER_BATTERY_STD)
     sensor_std_A = float(np.hypot(known.offset_A.std, alone.offset_A.std))
-    other_sensor = _other_sensor(known, alone, sensor_std_A) if doubtful else ""
-    return other_sensor or _contradiction(known, alone, z, _DOUBTFUL if doubtful else _OTHER_BATTERY_STD)
+    return _other_sensor(known, alone, sensor_std_A) or _contradiction(known, alone, z, _DOUBTFUL)
 
 
 def explained_worse(duration_s: float, correlation_s: float, rms_V: float, alone_rms_V: float) -> float:
@@ -150,12 +151,12 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
     if np.linalg.norm(z) < limit:
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))
-    differ = [
+    differences = [
         f"its {name} is {_band(new, scale)} {unit}, in the file {_band(old, scale)} {unit}"
-        for (name, unit, scale), (old, new), off in zip(units, _pairs(known, found), z, strict=True)
-        if abs(off) > _WORTH_REPORTING
+        for (name, unit, scale), (old, new) in zip(units, _pairs(known, found), strict=True)
     ]
-    return _refusal(" and ".join(differ))
+    reported = [text for text, off in zip(differences, z, strict=True) if abs(off) > _WORTH_REPORTING]
+    return _refusal(" and ".join(reported))
 
 
 def _refusal(difference: str) -> str:

@@ -7,7 +7,7 @@ voltage is compared in only a few of them, since its errors persist for minutes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -150,15 +150,20 @@ def _parts(dt_s: np.ndarray, gaps: np.ndarray) -> Iterator[slice]:
     count = max(-(-dt_s.size // _MOST_SAMPLES), -(-gaps.size // _MOST_GAPS), 1)
     edges = np.linspace(0, dt_s.size, count + 1).astype(int)
     if gaps.size and count > 1:
-        nearest = gaps[np.abs(gaps - edges[1:-1, None]).argmin(axis=1)]
-        edges[1:-1] = np.where(np.abs(nearest - edges[1:-1]) < _NEAR * dt_s.size / count, nearest, edges[1:-1])
-    yield from (slice(first, last) for first, last in pairwise(np.unique(edges).tolist()) if last - first >= _FEWEST)
+        inner = edges[1:-1]
+        nearest = gaps[np.abs(gaps - inner[:, None]).argmin(axis=1)]
+        near = np.abs(nearest - inner) < _NEAR * dt_s.size / count
+        inner[near] = nearest[near]
+    for first, last in pairwise(np.unique(edges).tolist()):
+        if last - first >= _FEWEST:
+            yield slice(first, last)
 
 
 def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
     """One part of a log, its first interval without a length."""
     dt_s, moved_Ah, path = (column[part].copy() for column in (clean.dt_s, clean.moved_Ah, clean.path_variance))
-    dt_s[0], moved_Ah[0], path[0] = 0.0, 0.0, 0.0
+    for column in (dt_s, moved_Ah, path):
+        column[0] = 0.0
     gaps = clean.gaps[(clean.gaps > part.start) & (clean.gaps < part.stop)] - part.start
     mean_A = SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0.0, dt_s, 1.0)
     mean_A[gaps] = 0.0
@@ -208,7 +213,8 @@ def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery)
     excess_A = current_A - battery.idle_current_A
     near = np.abs(excess_A - sensor.offset_A) < 3.0 * sensor.noise_std_A + 2.0 * sensor.offset_std_A
     steady = np.abs(np.diff(excess_A, prepend=np.nan)) <= _STEP_SIGMAS * sensor.noise_std_A
-    rests = [rest for first, stop in runs(near & steady) for rest in _pieces(first, stop, excess_A, time_s, sensor)]
+    pieces = [_pieces(first, stop, excess_A, time_s, sensor) for first, stop in runs(near & steady)]
+    rests = list(chain.from_iterable(pieces))
     usual_A = float(np.median([rest.excess_A for rest in rests])) if rests else 0.0
     walk_A2: Any = sensor.offset_walk_variance(float(time_s[-1] - time_s[0]))
     apart_A = 3.0 * float(np.hypot(sensor.noise_std_A, np.sqrt(walk_A2)))

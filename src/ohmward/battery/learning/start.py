@@ -77,7 +77,8 @@ def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
 
 def soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor, ...]:
     """The anchors within a part, except rests: they add nothing to their voltage, which is used anyway."""
-    inside = [a for a in anchors if a.kind != "rest" and samples.time_s[0] <= a.time_s <= samples.time_s[-1]]
+    first_s, last_s = samples.time_s[0], samples.time_s[-1]
+    inside = [a for a in anchors if a.kind != "rest" and first_s <= a.time_s <= last_s]
     return tuple(SocAnchor(int(np.searchsorted(samples.time_s, a.time_s)), a.soc, a.soc_std) for a in inside)
 
 
@@ -120,40 +121,48 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> 
 
     The overpotentials are those of one start: they depend little on SoC.
     """
-    place = model.unknowns.group("start soc").start
-    p = model.predict(x)
-    noise, ocv, degC = model.battery.noise, model.model.ocv, model.samples.temperature_degC[model.rows]
+    p, noise, ocv = model.predict(x), model.battery.noise, model.model.ocv
+    degC = model.samples.temperature_degC[model.rows]
     over_V = p.voltage_V - np.asarray(ocv.mean_V(p.soc, degC))
+    open_circuit_V = model.samples.voltage_V[model.rows] - over_V
     group = model.parameters.group("ocv")
     prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_CURVE_V2 * np.eye(OCV_KNOTS.size))
     share = noise.overpotential_share_at(p.soc) + noise.resistance_std
-    counts = min(1.0, model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s) / max(p.soc.size, 1))
-    costs, everywhere_soc = [], p.charge.soc
-    for start in _GRID:
-        soc, everywhere = p.soc + (start - x[place]), everywhere_soc + (start - x[place])
+    independent = model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s)
+    counts = min(1.0, independent / max(p.soc.size, 1))
+
+    def of_voltage(soc: np.ndarray) -> float:
         curve_V = np.asarray(ocv.mean_V(soc, degC))
         slope_V = (np.asarray(ocv.mean_V(soc + _SLOPE_STEP, degC)) - curve_V) / _SLOPE_STEP
-        residual_V = model.samples.voltage_V[model.rows] - over_V - curve_V
+        residual_V = open_circuit_V - curve_V
         weight = counts / (noise.voltage_std_V**2 + (noise.soc_axis_std * slope_V) ** 2 + share**2 * p.over_V2)
         # an error of the curve is free to follow its prior: the part of the residual that it explains is taken out
         columns = hat(soc, OCV_KNOTS)
         g = columns.T @ (weight * residual_V)
         explained = g @ np.linalg.solve(prior + columns.T @ (weight[:, None] * columns), g)
-        beyond = max(float(everywhere.max()) - 1.0, -float(everywhere.min()), 0.0)
-        of_anchors = sum(((everywhere[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
-        costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_WIDTH) ** 2 + of_anchors)
-    return np.array(costs)
+        return float(weight @ residual_V**2 - explained)
+
+    def of_charge(soc: np.ndarray) -> float:
+        beyond = max(float(soc.max()) - 1.0, -float(soc.min()), 0.0)
+        of_anchors = sum(((soc[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
+        return float((beyond / _BOUND_WIDTH) ** 2 + of_anchors)
+
+    everywhere = p.charge.soc
+    shifts = _GRID - x[model.unknowns.group("start soc")]
+    return np.array([of_voltage(p.soc + shift) + of_charge(everywhere + shift) for shift in shifts])
 
 
 def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
     """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
     p, covariance = model.parameters, prior.cov.copy()
     q, resistances = p.group("capacity"), p.places("ohmic", "pair")
-    covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
+    lost = max(-float(x[q].sum()), 0.0)
+    covariance[q, q] += _scale2(lost, covariance[q, q])
     together = np.ix_(resistances, resistances)
-    covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
+    grown = max(float(x[resistances].mean()), 0.0)
+    covariance[together] += _scale2(grown, covariance[together])
     # (K,) error of a curve at this loss of capacity that slip does not describe
-    loss = max(float(np.expm1(-x[q].sum())), 0.0)
+    loss = float(np.expm1(lost))
     inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
     axis_V = _SHAPE_STD * loss * inside * mean_slope_V(model.battery.thevenin.ocv, OCV_KNOTS)
     covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation(OCV_KNOTS, _SHAPE_LENGTH)

@@ -115,11 +115,12 @@ class OpenCircuit:
     @cached_property
     def place(self) -> CurvePlace:
         """Places on the curve; the electrodes of a battery whose curve was learnt do not slip."""
-        knowledge, share = self.battery.knowledge, self.model.ocv_slip
+        knowledge, slip = self.battery.knowledge, self.model.ocv_slip
         log_ratio = float(self.theta[self.parameters.group("capacity")].sum())
         if knowledge is not None:
             return CurvePlace(knowledge.seen_from_soc, log_ratio)
-        return CurvePlace(1.0, log_ratio, share + float(self.theta[self.parameters.group("slip")].sum()), share >= 0.0)
+        more_slip = float(self.theta[self.parameters.group("slip")].sum())
+        return CurvePlace(1.0, log_ratio, slip + more_slip, full_stays=slip >= 0.0)
 
     def at(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """Voltage [V] without hysteresis at these charges (N,)."""
@@ -227,9 +228,9 @@ class VoltageModel:
         curve = OpenCircuit(self.battery, x[:K], self.parameters)
         columns = there.columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(rows)
         columns[:, :K] += curve.columns(soc, degC)
-        misfit, group = hat(soc, MISFIT_KNOTS), self.unknowns.group("misfit")
-        columns[:, group] = misfit
-        voltage_V = curve.at(soc, degC) + there.voltage_V + misfit @ x[group]
+        misfit = self.unknowns.group("misfit")
+        columns[:, misfit] = hat(soc, MISFIT_KNOTS)
+        voltage_V = curve.at(soc, degC) + there.voltage_V + columns[:, misfit] @ x[misfit]
         return VoltagePrediction(soc, voltage_V, there.over_V2, columns, there.charge)
 
     def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
@@ -252,10 +253,10 @@ class VoltageModel:
     @cached_property
     def offset_starts(self) -> np.ndarray:
         """Indices of the first sample after each change of the sensor's offset."""
-        samples = self.samples
-        steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
-        from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
-        return np.searchsorted(samples.time_s, from_s, side="right")
+        time_s = self.samples.time_s
+        steps = int(min(self.samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
+        from_s = time_s[0] + (time_s[-1] - time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
+        return np.searchsorted(time_s, from_s, side="right")
 
     @cached_property
     def sensitive(self) -> SensitiveCircuit:
@@ -279,9 +280,11 @@ class VoltageModel:
         theta[: self.places.size] = x[self.places]
         (soc,) = x[self.unknowns.group("start soc")]
         along = self.sensitive.along(theta, soc, self._circuit_samples(x, start_h))
-        charge = ChargeAlong(self, x, along.soc, along.soc_columns)
         return CircuitInRows(
-            charge, along.voltage_V[self.rows], along.over_V2[self.rows], self._columns(x, along, high - low)
+            charge=ChargeAlong(self, x, along.soc, along.soc_columns),
+            voltage_V=along.voltage_V[self.rows],
+            over_V2=along.over_V2[self.rows],
+            columns=self._columns(x, along, high - low),
         )
 
     def _circuit_samples(self, x: np.ndarray, hysteresis: np.ndarray) -> CircuitSample:

@@ -331,6 +331,13 @@ def without_curve(model: Thevenin) -> Thevenin:
     return replace(model, ocv=replace(model.ocv, voltage_V=flat, temperature_V_per_K=flat))
 
 
+def at_rest(soc: np.ndarray, p: Thevenin) -> np.ndarray:
+    """(n + 2, N) states at these SoC (N,) without overpotentials and hysteresis."""
+    x = np.zeros((p.pairs + 2, soc.size))
+    x[0] = soc
+    return x
+
+
 def next_state(
     x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: StateOfHealth | Corrections = AS_IDENTIFIED
 ) -> np.ndarray:
