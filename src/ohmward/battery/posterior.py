@@ -91,6 +91,11 @@ class Gaussian(NamedTuple):
         return float(x @ self.precision @ x - 2.0 * self.information @ x)
 
 
+def variances(rows: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """(N,) variances of rows (N, K) @ x, with the covariance (K, K) of x."""
+    return np.einsum("nk,kl,nl->n", rows, cov, rows)
+
+
 class Tangent(Protocol):
     """Rows of a problem, linear about a point."""
 

@@ -10,11 +10,10 @@ from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_
 from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
 from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
-    Latest,
     Rates,
+    RecordColumns,
     block,
     circuit_unknowns,
-    design,
     ocv_precision,
 )
 from ohmward.battery.identification.circuit_fit import circuit_of, curve_notes, fit_circuit
@@ -52,7 +51,7 @@ def test_design_times_truth_is_the_simulated_voltage(exact):
     for j, ohm in enumerate((0.030, 0.030, 0.010, 0.025)):
         x[block(j)] = ohm
     (s,) = problem.samples
-    voltage_V = NMC_OCV.mean_V(s.soc, 25.0) + design(s, 0, unknowns, rates, NMC_OCV, 2.0, 25.0) @ x
+    voltage_V = NMC_OCV.mean_V(s.soc, 25.0) + RecordColumns(s, NMC_OCV, 2.0, 25.0).at(rates, unknowns, 0) @ x
     assert voltage_V == pytest.approx(s.voltage_V, abs=3e-4)
 
 
@@ -139,21 +138,23 @@ def test_design_simulates_what_the_model_does_in_the_cold():
     for j, row in enumerate((p.r0_discharge_ohm, p.r0_charge_ohm, *p.r_ohm)):
         x[block(j)] = np.interp(RESISTANCE_GRID, np.linspace(0, 1, len(row)), row)
     rates = Rates(p.tau_s, 20.0, 1500.0, 4500.0, 1000.0)
-    columns = design(samples, 0, unknowns, rates, p.ocv, p.capacity_Ah, p.reference_degC)
+    columns = RecordColumns(samples, p.ocv, p.capacity_Ah, p.reference_degC).at(rates, unknowns, 0)
     expected_V = simulate(samples, p) - np.asarray(p.ocv.mean_V(samples.soc, samples.temperature_degC))
     assert columns @ x == pytest.approx(expected_V, abs=1e-9)
 
 
 def test_columns_that_are_kept_for_a_derivative_are_those_made_anew():
     problem = problem_of(pulse_log(cell(LFP_OCV), count=3, rest_s=900.0), ocv=LFP_OCV)
-    (samples,), unknowns, latest = problem.samples, circuit_unknowns(2, 1, True, True), Latest()
+    (samples,), unknowns = problem.samples, circuit_unknowns(2, 1, True, True)
     samples = samples._replace(temperature_degC=np.linspace(25.0, -10.0, samples.soc.size))
+    of_record = samples, LFP_OCV, 2.0, 25.0
+    columns = RecordColumns(*of_record)
     first = Rates((20.0, 800.0), 20.0, 1500.0, 4500.0, 1000.0, 0.4, 700.0, False, 300.0)
     changes: dict[str, Any] = {"tau_s": (20.0, 900.0), "transfer_V": None, "net_charge_hysteresis": True}
     for field in Rates._fields:
         for rates in (first, first._replace(**{field: changes.get(field, 30.0)})):
-            of_record = samples, 0, unknowns, rates, LFP_OCV, 2.0, 25.0
-            np.testing.assert_array_equal(design(*of_record, latest), design(*of_record))
+            again = RecordColumns(*of_record).at(rates, unknowns, 0)
+            np.testing.assert_array_equal(columns.at(rates, unknowns, 0), again)
 
 
 def test_activation_from_two_temperatures():

@@ -11,8 +11,10 @@ record.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +29,8 @@ from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Smaller currents, as a share of 1 C, show no resistance.
 COVERED_RATE = 0.02
-#: Number of sets of columns that are stored: one of the rates about which a derivative is taken, and others beside it.
-_MOST_SETS = 4
+#: Number of sets of columns that are kept: one of the rates about which a derivative is taken, and others beside it.
+_MOST_SETS, _MOST_PAIRS = 4, 3
 #: Time for which a current must have flowed near a state of charge [s].
 _COVERED_S = 10.0
 
@@ -75,81 +77,78 @@ def block(j: int) -> slice:
     return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
 
 
-class Latest:
-    """Columns of the latest calls: a numerical derivative varies one rate at a time, the others have theirs already."""
+class RecordColumns:
+    """Columns of the voltage of one record: voltage = ocv(soc) + columns @ x.
 
-    def __init__(self) -> None:
-        self._stored: dict[Any, dict[Rates, np.ndarray]] = {}
+    A numerical derivative varies one rate at a time, so that the columns of the latest rates are kept.
+    """
 
-    def of(self, place: Any, rates: Rates, columns: Callable[[Rates], np.ndarray]) -> np.ndarray:
-        """`columns(rates)`, as they were made for this place before; rates: all that they depend on."""
-        stored = self._stored.setdefault(place, {})
-        found = stored[rates] = stored.pop(rates) if rates in stored else columns(rates)
-        if len(stored) > _MOST_SETS:
-            del stored[next(iter(stored))]
-        return found
+    def __init__(self, samples: FitSamples, ocv: OcvCurve, capacity_Ah: float, reference_degC: float) -> None:
+        self.samples = samples
+        one_ohm = (1.0, 1.0)
+        self._unit = Thevenin(capacity_Ah, ocv, one_ohm, one_ohm, (), (), reference_degC=reference_degC)
+        self._ohmic = lru_cache(_MOST_SETS)(self._make_ohmic)
+        self._pair = lru_cache(_MOST_PAIRS * _MOST_SETS)(self._make_pair)
+        self._hysteresis = lru_cache(_MOST_SETS)(self._make_hysteresis)
 
+    def at(self, rates: Rates, unknowns: Unknowns, record: int) -> np.ndarray:
+        """(N, K) columns at these rates; record: its number among those of the unknowns."""
+        # written and solved column by column
+        A, group = np.zeros((self.samples.soc.size, unknowns.size), order="F"), unknowns.group
+        start = group(f"start {record}").start
+        one = rates._replace(tau_s=(), transfer_V=None, hysteresis_rate=0.0)
+        of_resistances = one._replace(pair_activation_K=0.0, tau_activation_K=0.0)
+        A[:, : block(1).stop] = self._ohmic(of_resistances)
+        for j, tau_s in enumerate(rates.tau_s):
+            columns = self._pair(one._replace(activation_K=0.0, tau_s=(tau_s,)))
+            A[:, block(2 + j)] = columns[:, :-1]
+            A[:, start + j] = columns[:, -1]
+        A[:, group("ocv")] = self._curve
+        if unknowns.sizes["entropy"]:
+            A[:, group("entropy")] = self._entropy
+        if unknowns.sizes["hysteresis"]:
+            of_hysteresis = of_resistances._replace(activation_K=0.0, hysteresis_rate=rates.hysteresis_rate)
+            columns = self._hysteresis(of_hysteresis)
+            A[:, group("hysteresis")] = columns[:, :1]
+            A[:, start + len(rates.tau_s)] = columns[:, 1]
+        return A
 
-def design(
-    samples: FitSamples,
-    record: int,
-    unknowns: Unknowns,
-    rates: Rates,
-    ocv: OcvCurve,
-    capacity_Ah: float,
-    reference_degC: float,
-    latest: Latest | None = None,
-) -> np.ndarray:
-    """(N, K) columns of one record: voltage = ocv(soc) + columns @ x; latest: those of these samples."""
-    latest, ones = latest or Latest(), (1.0, 1.0)
-
-    def unit(of: Rates) -> Thevenin:
+    def _circuit(self, rates: Rates) -> Thevenin:
         """The circuit is linear in its resistances: those of 1 ohm give the columns."""
-        pairs = (ones,) * len(of.tau_s)
-        return Thevenin(capacity_Ah, ocv, ones, ones, pairs, reference_degC=reference_degC, **of._asdict())
+        one_ohm = self._unit.r0_discharge_ohm
+        return replace(self._unit, r_ohm=(one_ohm,) * len(rates.tau_s), **rates._asdict())
 
-    def ohmic(of: Rates) -> np.ndarray:
-        drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit(of))
-        here, charging = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], samples.current_A[:, None] > 0
-        return np.hstack([np.where(charging, 0.0, here), np.where(charging, here, 0.0)])
+    def _make_ohmic(self, rates: Rates) -> np.ndarray:
+        s = self.samples
+        drop_V = ohmic_drop(s.soc, CircuitInput(s.current_A, s.temperature_degC), self._circuit(rates))
+        along_soc = hat(s.soc, RESISTANCE_GRID) * drop_V[:, None]
+        charging = s.current_A[:, None] > 0
+        return np.hstack([np.where(charging, 0.0, along_soc), np.where(charging, along_soc, 0.0)])
 
-    def pair(of: Rates) -> np.ndarray:
+    def _make_pair(self, rates: Rates) -> np.ndarray:
         """The voltage by the resistance along SoC, and by the voltage at the start."""
-        (step,) = pair_steps(samples, unit(of))
-        driven = scan(step.decay, hat(samples.soc_before, RESISTANCE_GRID) * step.drive_V[:, None])
+        (step,) = pair_steps(self.samples, self._circuit(rates))
+        driven = scan(step.decay, hat(self.samples.soc_before, RESISTANCE_GRID) * step.drive_V[:, None])
         return np.column_stack([driven, np.cumprod(step.decay)])
 
-    def curve(of: Rates) -> np.ndarray:
-        warmer_K = samples.temperature_degC - ocv.reference_degC
-        return np.hstack([hat(samples.soc, OCV_KNOTS), warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)])
-
-    def hysteresis(of: Rates) -> np.ndarray:
+    def _make_hysteresis(self, rates: Rates) -> np.ndarray:
         """The voltage by the scale, and by the state at the start.
 
         A state that saturates is not linear in its start; the mean slope between the branches takes its place.
         """
-        gap_V = unit(of).hysteresis_V_at(samples.soc, samples.temperature_degC)
-        low, middle, high = hysteresis_along(samples, unit(of), (-1.0, 0.0, 1.0)).T
+        circuit = self._circuit(rates)
+        gap_V = circuit.hysteresis_V_at(self.samples.soc, self.samples.temperature_degC)
+        low, middle, high = hysteresis_along(self.samples, circuit, (-1.0, 0.0, 1.0)).T
         return np.column_stack([gap_V * middle, gap_V * 0.5 * (high - low)])
 
-    # written and solved column by column
-    A, group = np.zeros((samples.soc.size, unknowns.size), order="F"), unknowns.group
-    start = group(f"start {record}").start
-    each = rates._replace(tau_s=(), transfer_V=None)
-    of_pairs = each._replace(hysteresis_rate=0.0, activation_K=0.0)
-    of_resistances = each._replace(hysteresis_rate=0.0, pair_activation_K=0.0, tau_activation_K=0.0)
-    A[:, : block(1).stop] = latest.of("ohmic", of_resistances, ohmic)
-    for j, tau_s in enumerate(rates.tau_s):
-        columns = latest.of(j, of_pairs._replace(tau_s=(tau_s,)), pair)
-        A[:, block(2 + j)], A[:, start + j] = columns[:, :-1], columns[:, -1]
-    of_ocv = of_resistances._replace(activation_K=0.0)
-    knots = unknowns.sizes["ocv"] + unknowns.sizes["entropy"]
-    A[:, group("ocv").start :][:, :knots] = latest.of("curve", of_ocv, curve)[:, :knots]
-    if unknowns.sizes["hysteresis"]:
-        of_hysteresis = of_ocv._replace(hysteresis_rate=rates.hysteresis_rate)
-        columns = latest.of("hysteresis", of_hysteresis, hysteresis)
-        A[:, group("hysteresis")], A[:, start + len(rates.tau_s)] = columns[:, :1], columns[:, 1]
-    return A
+    @cached_property
+    def _curve(self) -> np.ndarray:
+        return hat(self.samples.soc, OCV_KNOTS)
+
+    @cached_property
+    def _entropy(self) -> np.ndarray:
+        warmer_K = self.samples.temperature_degC - self._unit.ocv.reference_degC
+        return warmer_K[:, None] * hat(self.samples.soc, ENTROPY_KNOTS)
 
 
 def pair_names(pairs: int) -> Sequence[str]:
@@ -163,7 +162,8 @@ def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     time_s = np.zeros(RESISTANCE_GRID.size)
     for s in samples:
         flows = np.abs(s.mean_current_A) > COVERED_RATE * capacity_Ah
-        time_s += (np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half) @ np.where(flows, s.dt_s, 0.0)
+        near = np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half
+        time_s += near @ np.where(flows, s.dt_s, 0.0)
     return time_s >= _COVERED_S
 
 

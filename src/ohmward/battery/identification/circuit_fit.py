@@ -79,7 +79,8 @@ def fit_circuit(
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
-    starts = [np.clip(_to_search(r, problem), low + _STEP, high - _STEP) for r in near or _first_rates(problem, pairs)]
+    first_rates = near or _first_rates(problem, pairs)
+    starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in first_rates]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
         tried.append(solve(problem, _to_rates(start, problem, pairs), most_steps=1))
@@ -150,12 +151,13 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the search: tau_1 not below half a sampling interval, each further one at least twice the last."""
-    fastest_s = min(float(np.quantile(s.dt_s[1:], 0.05)) for s in problem.samples)
+    interval_s = min(float(np.quantile(s.dt_s[1:], 0.05)) for s in problem.samples)
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in problem.samples)
     low, high = [], []
     if pairs:
-        low = [np.log(max(0.5 * fastest_s, 0.05)), *([_APART] * (pairs - 1))]
-        high = [np.log(min(20000.0, max(longest_s, 4 * fastest_s))), *([np.log(1000.0)] * (pairs - 1))]
+        fastest_s, slowest_s = max(0.5 * interval_s, 0.05), min(20000.0, max(longest_s, 4 * interval_s))
+        low = [np.log(fastest_s)] + [_APART] * (pairs - 1)
+        high = [np.log(slowest_s)] + [np.log(1000.0)] * (pairs - 1)
     low += [rate.parameter(rate.low) for rate in problem.sought]
     high += [rate.parameter(rate.high) for rate in problem.sought]
     return np.array(low), np.array(high)
@@ -176,7 +178,8 @@ _FASTER = 0.25
 
 def longest_rest_s(records: Sequence[Record]) -> float:
     """Duration [s] of the longest rest after a current, 0 without any."""
-    return max((rest.duration_s for r in records for rest in find_rests(r.phases, 0.0)), default=0.0)
+    longest_s = [max((rest.duration_s for rest in find_rests(r.phases, 0.0)), default=0.0) for r in records]
+    return max(longest_s, default=0.0)
 
 
 def longest_tau_s(records: Sequence[Record]) -> float:
@@ -191,10 +194,10 @@ def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None]) -> 
     """
     two = fit_circuit(problem, 2, lambda s: progress(_FIRST * s))
     three = fit_circuit(problem, 3, lambda s: progress(_FIRST + (_SECOND - _FIRST) * s), _with_one_more(two))
-    fits = {2: two, 3: three}
+    fits, chosen = {2: two, 3: three}, 3
     if not _speaks_for(three, two):
         fits[1] = fit_circuit(problem, 1, lambda s: progress(_SECOND + (1 - _SECOND) * s), _with_one_less(two))
-    chosen = 3 if 1 not in fits else 2 if _speaks_for(two, fits[1]) else 1
+        chosen = 2 if _speaks_for(two, fits[1]) else 1
     progress(1.0)
     return fits[chosen], _note(chosen, fits)
 
@@ -217,7 +220,8 @@ def _with_one_less(two: CircuitFit) -> tuple[Rates, ...]:
     """Rates of one pair to start from: either of the two that were found, or one between."""
     rates = two.solution.rates
     fast_s, slow_s = rates.tau_s
-    return tuple(rates._replace(tau_s=(tau_s,)) for tau_s in (fast_s, float(np.sqrt(fast_s * slow_s)), slow_s))
+    between_s = float(np.sqrt(fast_s * slow_s))
+    return tuple(rates._replace(tau_s=(tau_s,)) for tau_s in (fast_s, between_s, slow_s))
 
 
 def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:
@@ -242,7 +246,8 @@ _SMALLEST_SHAPE = 0.3
 
 def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: float) -> Thevenin:
     """The Thevenin model of a solution: its OCV curve corrected, its hysteresis scaled."""
-    discharge, charge, *pairs = (tuple(solution.x[block(j)].tolist()) for j in range(2 + len(solution.rates.tau_s)))
+    resistances = 2 + len(solution.rates.tau_s)
+    discharge, charge, *pairs = (tuple(solution.x[block(j)].tolist()) for j in range(resistances))
     return Thevenin(
         capacity_Ah=problem.capacity_Ah,
         ocv=corrected_ocv(solution, problem),

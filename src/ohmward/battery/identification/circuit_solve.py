@@ -14,11 +14,10 @@ import numpy as np
 from ohmward.battery.chemistries import CELL_V, ChemistryPrior
 from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
-    Latest,
     Rates,
+    RecordColumns,
     block,
     circuit_unknowns,
-    design,
     nuisance_prior,
     resistance_prior,
 )
@@ -163,9 +162,9 @@ class CircuitProblem:
         return (*self.samples, *self.branches)
 
     @cached_property
-    def latest(self) -> tuple[Latest, ...]:
-        """The columns of each record at the rates that were solved for last."""
-        return tuple(Latest() for _ in self.records)
+    def columns(self) -> tuple[RecordColumns, ...]:
+        """The columns of each record."""
+        return tuple(RecordColumns(s, self.ocv, self.capacity_Ah, self.reference_degC) for s in self.records)
 
     @cached_property
     def volts(self) -> float:
@@ -300,7 +299,8 @@ def solve(
     """
     hysteresis = any(problem.ocv.hysteresis_V)
     unknowns = circuit_unknowns(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
-    system = _linear_system(problem, unknowns, rates)
+    columns = [record.at(rates, unknowns, k) for k, record in enumerate(problem.columns)]
+    system = LinearSystem(problem, np.vstack(columns), rates.transfer_V)
     bounded = unknowns.group("hysteresis").stop
 
     def minimum(H: np.ndarray, gradient: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -318,18 +318,10 @@ def solve(
         x = _nonnegative(*prior.times(of_records), bounded)
         rows = system.about(x, near.rows.robust)
     ends = np.cumsum([s.soc.size for s in problem.records])
-    residual_V = np.split(np.where(problem.measured, rows.residual_V, np.nan), ends[:-1])[: len(problem.samples)]
+    of_records_V = np.split(np.where(problem.measured, rows.residual_V, np.nan), ends[:-1])
+    residual_V = tuple(of_records_V[: len(problem.samples)])
     of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
-    return CircuitSolution(unknowns, rates, x, rows, prior, tuple(residual_V), of_prior)
-
-
-def _linear_system(problem: CircuitProblem, unknowns: Unknowns, rates: Rates) -> LinearSystem:
-    """The system of all records."""
-    columns = [
-        design(s, k, unknowns, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC, problem.latest[k])
-        for k, s in enumerate(problem.records)
-    ]
-    return LinearSystem(problem, np.vstack(columns), rates.transfer_V)
+    return CircuitSolution(unknowns, rates, x, rows, prior, residual_V, of_prior)
 
 
 def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
@@ -395,9 +387,10 @@ def _nonnegative(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
 
     b, f = slice(0, bounded), slice(bounded, None)
     back = np.linalg.solve(H[f, f], np.column_stack([H[f, b], g[f]]))
-    L = np.linalg.cholesky(H[b, b] - H[b, f] @ back[:, :-1])
-    x, _ = nnls(L.T, np.linalg.solve(L, g[b] - H[b, f] @ back[:, -1]), maxiter=50 * bounded)
-    return np.concatenate([x, back[:, -1] - back[:, :-1] @ x])
+    by_bounded, constant = back[:, :-1], back[:, -1]
+    L = np.linalg.cholesky(H[b, b] - H[b, f] @ by_bounded)
+    x, _ = nnls(L.T, np.linalg.solve(L, g[b] - H[b, f] @ constant), maxiter=50 * bounded)
+    return np.concatenate([x, constant - by_bounded @ x])
 
 
 def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from ohmward.battery.identification.circuit_fit import CircuitFit, levelled_V
 from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
     CircuitSolution,
+    SoughtRate,
     error_factor,
 )
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, hysteresis_along
@@ -39,6 +40,7 @@ from ohmward.battery.posterior import (
     SOC_AXIS_STD,
     beyond_axis_V,
     remaining_std,
+    variances,
 )
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
@@ -64,28 +66,33 @@ def not_identified(
     hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
     sentences = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
-    tau = fit.solution.rates.tau_s
     for rate in fit.sought:
-        value = getattr(fit.solution.rates, rate.name)
-        at_bound = rate.as_log and any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
-        if rate.name == "hysteresis_rate" and (at_bound or fit.search_std(rate.name) > _VAGUE_LOG):
+        if rate.name == "hysteresis_rate" and _hardly_identified(fit, rate):
+            value = getattr(fit.solution.rates, rate.name)
             sentences.append(
                 f"{rate.name}: the data hardly depend on it; {value:.3g} was taken within {rate.low:g} to {rate.high:g}"
             )
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in samples)
     sentences += [
-        f"tau_{j}: {t:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
-        for j, t in enumerate(tau, start=1)
-        if t > 0.5 * longest_s or _tau_std(fit, j) > _VAGUE_LOG
+        f"tau_{j}: {tau_s:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
+        for j, tau_s in enumerate(fit.solution.rates.tau_s, start=1)
+        if tau_s > 0.5 * longest_s or _tau_std(fit, j) > _VAGUE_LOG
     ]
     return tuple(sentences)
+
+
+def _hardly_identified(fit: CircuitFit, rate: SoughtRate) -> bool:
+    """True for a rate that lies at a bound, or whose logarithm is hardly known."""
+    value = getattr(fit.solution.rates, rate.name)
+    at_bound = any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
+    return at_bound or fit.search_std(rate.name) > _VAGUE_LOG
 
 
 def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> ConfidenceInterval:
     k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
     at = block(j).start + k
-    value, std = float(s.x[at]), float(np.sqrt(s.cov[at, at]))
-    return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
+    value, half = float(s.x[at]), BAND_95 * float(np.sqrt(s.cov[at, at]))
+    return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - half, 0.0), value + half)
 
 
 def _search_intervals(fit: CircuitFit) -> list[ConfidenceInterval]:
@@ -126,7 +133,7 @@ def _range(first: int, stop: int) -> str:
 def _share(s: CircuitSolution, where: np.ndarray) -> float:
     """Two relative standard deviations of the total resistance, the largest where `where` (21,) is true."""
     rows = _steady_resistance(s)[where]
-    std = np.sqrt(np.einsum("ij,jk,ik->i", rows, s.cov, rows))
+    std = np.sqrt(variances(rows, s.cov))
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
 
 
@@ -179,7 +186,8 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     usual = problem.volts * problem.prior.ocv_std_V_per_K
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)
-    found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.unknowns.group("entropy")].mean()))
+    variance = np.diag(fit.solution.cov)[fit.solution.unknowns.group("entropy")]
+    found = float(np.sqrt(variance.mean()))
     return remaining_std(found, ENTROPY_SHARE * usual, usual)
 
 
@@ -189,8 +197,9 @@ def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
         return _UNTESTED_HYSTERESIS_STD if usual_hysteresis_V(problem) else 0.0
     if not problem.branches:
         return _BRANCHES_STD
-    solution, scale = fit.solution, fit.solution.unknowns.group("hysteresis")
-    found = float(np.sqrt(solution.cov[scale, scale][0, 0]) / max(solution.x[scale][0], _SMALLEST_SCALE))
+    solution = fit.solution
+    at = solution.unknowns.group("hysteresis").start
+    found = float(np.sqrt(solution.cov[at, at]) / max(solution.x[at], _SMALLEST_SCALE))
     return remaining_std(found, HYSTERESIS_STD, _BRANCHES_STD)
 
 
@@ -351,20 +360,17 @@ def noise_from_fit(
         posterior_V = np.hypot(posterior_V, _LASTING_LOAD_ERROR * typical_A * steady_ohm)
     posterior_V = np.hypot(posterior_V, levelled_V(solution, problem, RESISTANCE_GRID))
     floor_V = volts * max(problem.prior.model_V, problem.prior.pulses_V if pulses_only else 0.0)
-    model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
+    model_V = np.maximum(np.hypot(np.nan_to_num(residual_V), posterior_V), floor_V)
+    least_share = _PULSES_SHARE if pulses_only else _USUAL_ERROR
+    relaxation_s = min(max(p.tau_s, default=0.0), _RELAXATION_S)
     return BatteryNoise(
         soc_axis_std=axis_std,
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
         level_std_V=float(model_V.min()),
-        overpotential_share=overpotential_share(
-            solution, problem, p, np.nan_to_num(residual_V), _PULSES_SHARE if pulses_only else _USUAL_ERROR
-        ),
-        correlation_s=max(
-            correlation_s(solution, samples),
-            _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
-        ),
+        overpotential_share=overpotential_share(solution, problem, p, np.nan_to_num(residual_V), least_share),
+        correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else relaxation_s),
         resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
         empty_activation_std_K=problem.prior.empty_activation_K.std,
@@ -382,7 +388,8 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
     residual_V = np.concatenate(solution.residual_V)
     near, weight = _near(problem)
     total = near @ weight
-    return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
+    sum_V2 = near @ (weight * np.nan_to_num(residual_V) ** 2)
+    return np.sqrt(sum_V2 / np.where(total > 0, total, np.nan))
 
 
 def _near(problem: CircuitProblem) -> tuple[np.ndarray, np.ndarray]:
@@ -423,8 +430,7 @@ def posterior_std_V(solution: CircuitSolution, current_A: float) -> np.ndarray:
     """
     rows = -current_A * _steady_resistance(solution)
     rows[:, solution.unknowns.group("ocv")] = hat(RESISTANCE_GRID, OCV_KNOTS)
-    variance = np.einsum("ij,jk,ik->i", rows, solution.cov, rows)
-    return np.sqrt(np.maximum(variance, 0.0))
+    return np.sqrt(np.maximum(variances(rows, solution.cov), 0.0))
 
 
 def unvisited_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
@@ -433,7 +439,7 @@ def unvisited_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.nda
     Measured on cells identified from one half of their range: it grows with the root of the distance.
     """
     seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
-    distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1) if seen.size else np.ones(RESISTANCE_GRID.size)
+    distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1, initial=1.0)
     return _UNVISITED_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
@@ -129,7 +130,8 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
         return _without_low_rate(records, settings)
     Q = settings.capacity_Ah
     slow = [r for r in records if r.test == "low-rate"]
-    branches = reconcile_branches([b for r in slow for b in find_branches(r, Q, settings.initial_soc.get(r.log.name))])
+    found = [find_branches(record, Q, settings.initial_soc.get(record.log.name)) for record in slow]
+    branches = reconcile_branches(list(chain.from_iterable(found)))
     if not branches:
         return _without_low_rate(fast or records, settings)
     curve = ocv_from_branches(branches, reference_degC(fast or slow))
@@ -206,19 +208,22 @@ def line_through(records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah
     """
     nnls = require("scipy.optimize", "identification").nnls
 
-    parts = [part for r, axis in zip(records, axes, strict=True) for part in thin(r, axis.soc)]
+    parts = chain.from_iterable(thin(r, axis.soc) for r, axis in zip(records, axes, strict=True))
     rows = np.concatenate([_line_rows(part) for part in parts])
-    soc_range = float(np.ptp(rows[:, 1])) if len(rows) else 0.0
+    columns, voltage_V, time_s = rows[:, :-2], rows[:, -2], rows[:, -1]
+    soc = columns[:, 1]
+    soc_range = float(np.ptp(soc)) if soc.size else 0.0
     empty_V = slope_V = 0.0
     if soc_range >= _LEAST_SOC_RANGE:
-        weight = np.sqrt(rows[:, -1])[:, None]
-        (empty_V, slope_V, *_), _ = nnls(weight * rows[:, :-2], weight[:, 0] * rows[:, -2])
+        weight = np.sqrt(time_s)
+        x, _ = nnls(weight[:, None] * columns, weight * voltage_V)
+        empty_V, slope_V = x[:2]
     if slope_V == 0.0:
         raise InputError(
             f"{why}. The RC model does with a straight line, but the logs, which move SoC by {100 * soc_range:.2g} % "
             "outside charges, do not show an open-circuit voltage that rises; give the battery's OCV curve"
         )
-    beyond = np.maximum(np.maximum(OCV_KNOTS - rows[:, 1].max(), rows[:, 1].min() - OCV_KNOTS), 0.0)
+    beyond = np.abs(OCV_KNOTS - OCV_KNOTS.clip(soc.min(), soc.max()))
     curve = OcvCurve((empty_V, empty_V + slope_V), reference_degC=reference_degC(records))
     names = ", ".join(repr(r.log.name) for r in records)
     text = f"open-circuit voltage: the straight line through {names}, because {why}"
@@ -228,9 +233,10 @@ def line_through(records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah
 
 def _line_rows(samples: FitSamples) -> np.ndarray:
     """(N, 8) columns of V_0, V_1, R_0 and the R_k, the voltage, and the time that each sample stands for."""
-    current_A, mean_A, dt_s = samples.current_A, samples.mean_current_A, samples.dt_s
-    filtered = [scan(decay, (1 - decay) * mean_A) for decay in (np.exp(-dt_s / tau) for tau in _LINE_TAUS_S)]
+    mean_A, dt_s = samples.mean_current_A, samples.dt_s
+    decays = [np.exp(-dt_s / tau_s) for tau_s in _LINE_TAUS_S]
+    filtered = [scan(decay, (1 - decay) * mean_A) for decay in decays]
     used = np.isfinite(samples.voltage_V) & (last_direction(mean_A) <= 0)
     weight = np.minimum(dt_s, COARSEST_S)
-    columns = [np.ones_like(dt_s), samples.soc, current_A, *filtered, samples.voltage_V, weight]
+    columns = [np.ones_like(dt_s), samples.soc, samples.current_A, *filtered, samples.voltage_V, weight]
     return np.column_stack(columns)[used]

@@ -151,10 +151,12 @@ def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hy
 
     start_V: (n,) RC voltages at the first sample, () for rest; hysteresis: state h there.
     """
-    starts = start_V or (0.0,) * p.pairs
-    pairs = [scan(s.decay, np.append(v0, s.drive_V[1:])) for s, v0 in zip(pair_steps(samples, p), starts, strict=True)]
-    h = hysteresis_along(samples, p, (hysteresis,))[:, 0]
-    return voltage(np.array([samples.soc, *pairs, h]), CircuitInput(samples.current_A, samples.temperature_degC), p)[0]
+    x = at_rest(samples.soc, p)
+    for j, step in enumerate(pair_steps(samples, p), start=1):
+        driven_V = np.append(start_V[j - 1] if start_V else 0.0, step.drive_V[1:])
+        x[j] = scan(step.decay, driven_V)
+    x[-1] = hysteresis_along(samples, p, (hysteresis,))[:, 0]
+    return voltage(x, CircuitInput(samples.current_A, samples.temperature_degC), p)[0]
 
 
 class PairSteps(NamedTuple):
@@ -184,8 +186,9 @@ def hysteresis_along(samples: FitSamples, p: Thevenin, starts: Sequence[float]) 
 @cache
 def _hysteresis_kernel(net_charge: bool, starts: int) -> Kernel:
     """The step of the hysteresis, compiled once for all batteries: a capacity of 1 A s, a rate of 1."""
-    unit = Thevenin(1.0 / SECONDS_PER_HOUR, OcvCurve((0.0, 1.0)), (0.0, 0.0), (0.0, 0.0), (), (), hysteresis_rate=1.0)
-    unit = replace(unit, net_charge_hysteresis=net_charge)
+    zero = (0.0, 0.0)
+    unit = Thevenin(1.0 / SECONDS_PER_HOUR, OcvCurve((0.0, 1.0)), zero, zero, (), ())
+    unit = replace(unit, hysteresis_rate=1.0, net_charge_hysteresis=net_charge)
 
     def step(h: np.ndarray, sample: tuple[Any, Any]) -> tuple[np.ndarray, np.ndarray]:
         current_A, moved = sample

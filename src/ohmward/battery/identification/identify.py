@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -164,7 +164,8 @@ def identify_in_detail(
     settings = settings._replace(name=name, chemistry=chemistry)
     report = progress or (lambda stage, share: None)
     report("charge, rests and pulses", 0.0)
-    records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
+    idle_A = settings.idle_current_A or 0.0
+    records = tuple(chain.from_iterable(make_records(log, settings.capacity_Ah, idle_A) for log in logs))
     report("open-circuit voltage", 0.05)
     with one_blas_thread():
         prepared = prepare(records, settings)
@@ -188,9 +189,9 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
     axes = tuple(_axis(r, settings, None if first.source == "line" else first) for r in first.fitted)
     notes = (
         *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
-        *(note for r in records for note in r.charge.notes),
+        *chain.from_iterable(record.charge.notes for record in records),
         *first.notes,
-        *(note for axis in axes for note in axis.notes),
+        *chain.from_iterable(axis.notes for axis in axes),
     )
     return Preparation(records, axes, first, notes)
 
@@ -207,20 +208,20 @@ def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | No
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
     """The Thevenin circuit, its noise and its confidence."""
-    parts = [thin(r, a.soc) for r, a in zip(prepared.first.fitted, prepared.axes, strict=True)]
-    samples = tuple(part for parts_of_record in parts for part in parts_of_record)
-    problem = _problem(prepared, samples, settings)
+    first = prepared.first
+    parts = [thin(r, axis.soc) for r, axis in zip(first.fitted, prepared.axes, strict=True)]
+    problem = _problem(prepared, tuple(chain.from_iterable(parts)), settings)
     fit, choice = _fit(problem, settings, progress)
     model = circuit_of(fit.solution, problem, min(axis.efficiency for axis in prepared.axes))
     if settings.chemistry:
         model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
-    voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(samples))
+    voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(problem.samples))
     details = tuple(
-        LogDetails(r, a, own, tuple(islice(voltages, len(own))), model)
-        for r, a, own in zip(prepared.first.fitted, prepared.axes, parts, strict=True)
+        LogDetails(r, axis, part, tuple(islice(voltages, len(part))), model)
+        for r, axis, part in zip(first.fitted, prepared.axes, parts, strict=True)
     )
-    hysteresis, edges = any(prepared.first.curve.hysteresis_V), [edge for d in details for edge in d.edges]
-    fits = *(d.quality for d in details), *branch_fits(prepared.first.branches)
+    edges = tuple(chain.from_iterable(log.edges for log in details))
+    fits = *(log.quality for log in details), *branch_fits(first.branches)
     checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution, problem)
     provenance = replace(
         _provenance(prepared, settings),
@@ -228,24 +229,40 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         confidence=confidence_intervals(fit),
         notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
-    fitted, branches = prepared.first.fitted, prepared.first.branches
-    pulses_only = all(r.test == "pulses" for r in fitted)
-    anchors_std = axis_std(fitted, prepared.axes)
-    measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
-    rest_s = longest_rest_s(fitted)
-    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
-    model = with_usual_hysteresis(model, problem)
-    correlation = problem.prior.ageing_correlation[bool(measured)]
-    noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
-        *prepared.first.not_identified,
-        *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
+        *first.not_identified,
+        *not_identified(fit, problem.samples, settings.capacity_Ah, any(first.curve.hysteresis_V)),
         *untested_sentences(fit, problem, settings.chemistry),
     )
-    noise = _with_known_capacity(noise, prepared, settings.capacity_Ah, details)
-    battery = _battery(prepared, settings, model, noise)
+    noise = _noise(prepared, settings, fit, problem, model, details)
+    battery = _battery(prepared, settings, with_usual_hysteresis(model, problem), noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
-    return Identified(battery, prepared.first.branches, prepared.first.curve, details, fit)
+    return Identified(battery, first.branches, first.curve, details, fit)
+
+
+def _noise(
+    prepared: Preparation,
+    settings: IdentificationSettings,
+    fit: CircuitFit,
+    problem: CircuitProblem,
+    model: Thevenin,
+    details: Sequence[LogDetails],
+) -> BatteryNoise:
+    """The noise of the fit, with the errors of ageing and the day on which the capacity was known."""
+    fitted = prepared.first.fitted
+    measured = {branch.direction for branch in prepared.first.branches if branch.complete}
+    noise = noise_from_fit(
+        fit,
+        problem,
+        model,
+        pulses_only=all(record.test == "pulses" for record in fitted),
+        anchors_std=axis_std(fitted, prepared.axes),
+        longest_rest_s=longest_rest_s(fitted),
+        whole_curve=len(measured) == 2,
+    )
+    correlation = problem.prior.ageing_correlation[bool(measured)]
+    noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
+    return _with_known_capacity(noise, prepared, settings.capacity_Ah, details)
 
 
 def _fit(
@@ -357,12 +374,17 @@ def _with_known_capacity(
     complete = [branch for branch in prepared.first.branches if branch.complete]
     discharges = [branch for branch in complete if branch.direction == "discharge"] or complete  # charges may gas
     logs = {record.log.name: record.log for record in prepared.records}
-    if ends := [end for branch in discharges if (end := logs[branch.log_name].end_unix_s) is not None]:
+    if (day := _last_day([logs[branch.log_name] for branch in discharges])) is not None:
         off = abs(float(np.mean([branch.moved_Ah for branch in discharges])) / capacity_Ah - 1.0)
-        return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=max(TESTED_CAPACITY_STD, off))
-    if ends := [end for d in details if d.is_whole and (end := d.record.log.end_unix_s) is not None]:
-        return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=PULSED_CAPACITY_STD)
+        return replace(noise, capacity_known_unix_s=day, capacity_known_std=max(TESTED_CAPACITY_STD, off))
+    if (day := _last_day([log.record.log for log in details if log.is_whole])) is not None:
+        return replace(noise, capacity_known_unix_s=day, capacity_known_std=PULSED_CAPACITY_STD)
     return noise
+
+
+def _last_day(logs: Sequence[Log]) -> float | None:
+    """End of the last log that has a date [s since 1970], None without any."""
+    return max((log.end_unix_s for log in logs if log.end_unix_s is not None), default=None)
 
 
 def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Provenance:

@@ -59,14 +59,14 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
     Within dt the RC pairs move as well: the resistance is R_0 and about dt/tau_1 of r_1.
     soc: (T,) state of charge along the record.
     """
-    time_s, current_A, voltage_V = record.log.time_s, record.current_A, record.log.voltage_V
-    dt_s, step_A, step_V = np.diff(time_s), np.diff(current_A), np.diff(voltage_V)
+    before_A, after_A = record.current_A[:-1], record.current_A[1:]
+    step_A, step_V = after_A - before_A, np.diff(record.log.voltage_V)
+    dt_s = np.diff(record.log.time_s)
     longest_s = max(SLOWEST_EDGE_S, 1.5 * float(np.median(dt_s)))
     sharp = (np.abs(step_A) > _SMALLEST_RATE * capacity_Ah) & (dt_s <= longest_s) & np.isfinite(step_V)
-    larger_A = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
-    rows = np.flatnonzero(sharp)
-    columns = (soc[rows + 1], step_A[rows], larger_A[rows], step_V[rows] / step_A[rows])
-    return tuple(Edge(*values) for values in zip(*(c.tolist() for c in columns), strict=True))
+    larger_A = np.where(np.abs(after_A) > np.abs(before_A), after_A, before_A)
+    columns = np.column_stack([soc[1:], step_A, larger_A, step_V])[sharp]
+    return tuple(Edge(s, step, larger, step_of_V / step) for s, step, larger, step_of_V in columns.tolist())
 
 
 def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
@@ -78,7 +78,8 @@ def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance |
     ohm = np.array([e.resistance_ohm for e in mine])
     weight = step_A**2 / np.sum(step_A**2)
     mean = float(weight @ ohm)
-    return OhmicResistance(mean, float(np.sqrt(np.sum(weight**2 * (ohm - mean) ** 2))), len(mine))
+    variance = np.sum(weight**2 * (ohm - mean) ** 2)
+    return OhmicResistance(mean, float(np.sqrt(variance)), len(mine))
 
 
 def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
@@ -147,7 +148,8 @@ def fit_exponentials(time_s: np.ndarray, voltage_V: np.ndarray, pairs: int) -> E
 
     time_s: (N,) from 0; voltage_V: (N,). The grid is refined around its best point.
     """
-    grid = np.geomspace(max(np.median(np.diff(time_s)), time_s[-1] / 2000), 2 * time_s[-1], _TAUS)
+    fastest_s = max(np.median(np.diff(time_s)), time_s[-1] / 2000)
+    grid = np.geomspace(fastest_s, 2 * time_s[-1], _TAUS)
     best = _best_of(time_s, voltage_V, [c for c in combinations(grid, pairs) if _apart(c)])
     step = grid[1] / grid[0]
     for _ in range(_REFINEMENTS):
@@ -180,21 +182,23 @@ def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[f
     """The best of several sets of time constants (C, n): all their linear problems at once."""
     taus = np.array(candidates)
     constant = np.ones((len(taus), time_s.size, 1))
-    A = np.concatenate([constant, np.exp(-time_s[:, None] / taus[:, None, :])], axis=2)
-    H = A.transpose(0, 2, 1) @ A + _EXPONENTIALS_RIDGE * np.eye(A.shape[2])
-    x = np.linalg.solve(H, A.transpose(0, 2, 1) @ voltage_V[:, None])
+    decays = np.exp(-time_s[:, None] / taus[:, None, :])
+    A = np.concatenate([constant, decays], axis=2)
+    transposed = A.transpose(0, 2, 1)
+    H = transposed @ A + _EXPONENTIALS_RIDGE * np.eye(A.shape[2])
+    x = np.linalg.solve(H, transposed @ voltage_V[:, None])
     fitted = (A @ x)[..., 0]
     rss = np.sum((voltage_V - fitted) ** 2, axis=1)
     k = int(np.argmin(rss))
     N, unknowns = time_s.size, 1 + 2 * taus.shape[1]
     mean_square = max(float(rss[k]) / N, 1e-18)
     return ExponentialFit(
-        float(x[k, 0, 0]),
-        tuple(x[k, 1:, 0].tolist()),
-        tuple(taus[k].tolist()),
-        float(np.sqrt(mean_square)),
-        float(N * np.log(mean_square) + 2 * unknowns),
-        fitted[k],
+        v_inf_V=float(x[k, 0, 0]),
+        amplitude_V=tuple(x[k, 1:, 0].tolist()),
+        tau_s=tuple(taus[k].tolist()),
+        rms_V=float(np.sqrt(mean_square)),
+        aic=float(N * np.log(mean_square) + 2 * unknowns),
+        voltage_V=fitted[k],
     )
 
 

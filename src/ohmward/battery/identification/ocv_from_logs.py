@@ -61,7 +61,8 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
         moved_Ah = float(record.charge.moved_Ah[phase.first + 1 : phase.last + 1].sum())
         slow = phase.kind != "rest" and abs(phase.current_A) < LOW_RATE * capacity_Ah
         if slow and abs(moved_Ah) > _SHORTEST_SHARE * capacity_Ah:
-            branches.append(_branch(record, phase, moved_Ah, capacity_Ah, branches[-1:], initial_soc))
+            before = branches[-1] if branches else None
+            branches.append(_branch(record, phase, moved_Ah, capacity_Ah, before, initial_soc))
     return tuple(branches)
 
 
@@ -81,10 +82,8 @@ def branch_axis_std(branches: Sequence[OcvBranch]) -> float:
     Where two differ by x, one is stretched or ends early: that moves its middle by x/2, and the mean of both branches
     by x/4. Full and empty are known from the voltage.
     """
-    differences = [
-        1 - branch.moved_Ah / opposite.moved_Ah for branch in branches for opposite in _longer(branch, branches)
-    ]
-    return 0.25 * max(differences, default=0.0)
+    pairs = [(branch, opposite) for branch in branches for opposite in _longer(branch, branches)]
+    return 0.25 * max((1 - shorter.moved_Ah / longer.moved_Ah for shorter, longer in pairs), default=0.0)
 
 
 def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> OcvCurve:
@@ -147,24 +146,40 @@ def _branch(
     phase: Phase,
     moved_Ah: float,
     capacity_Ah: float,
-    before: list[OcvBranch],
+    before: OcvBranch | None,
     initial_soc: float | None,
 ) -> OcvBranch:
     rows = slice(phase.first, phase.last + 1)
-    total_Ah = np.cumsum(record.charge.moved_Ah[rows]) - record.charge.moved_Ah[phase.first]
     complete = abs(moved_Ah) >= _COMPLETE_SHARE * capacity_Ah or (
         abs(moved_Ah) >= _LIMIT_SHARE * capacity_Ah
-        and bool(before and before[-1].complete)
+        and before is not None
+        and before.complete
         and _ends_at_limit(record.log.voltage_V, phase.last, moved_Ah)
     )
-    scale_Ah = abs(moved_Ah) if complete else before[-1].moved_Ah if before else capacity_Ah
-    start = (1.0 if moved_Ah < 0 else 0.0) if complete else _start_of_part(record, before, initial_soc)
-    soc, voltage_V = start + total_Ah / scale_Ah, record.log.voltage_V[rows]
+    if complete:
+        start, scale_Ah = (1.0 if moved_Ah < 0 else 0.0), abs(moved_Ah)
+    elif before is not None:
+        start, scale_Ah = float(before.soc[-1]), before.moved_Ah
+    elif initial_soc is not None:
+        start, scale_Ah = initial_soc, capacity_Ah
+    else:
+        raise InputError(
+            f"log {record.log.name!r}: its low-rate test moves less than {_COMPLETE_SHARE:.0%} of the given capacity, "
+            "so where it starts is not known; give the SoC it starts at (--initial-soc 0.5, or "
+            f"initial_soc={{{record.log.name!r}: 0.5}}), or check the capacity"
+        )
+    total_Ah = np.cumsum(record.charge.moved_Ah[rows]) - record.charge.moved_Ah[phase.first]
+    voltage_V, degC = record.log.voltage_V[rows], record.log.temperature_degC
     known = np.isfinite(voltage_V)
-    degC = None if record.log.temperature_degC is None else float(np.nanmedian(record.log.temperature_degC[rows]))
-    direction: Literal["discharge", "charge"] = "discharge" if moved_Ah < 0 else "charge"
     return OcvBranch(
-        record.log.name, direction, soc[known], voltage_V[known], phase.current_A, abs(moved_Ah), degC, complete
+        log_name=record.log.name,
+        direction="discharge" if moved_Ah < 0 else "charge",
+        soc=(start + total_Ah / scale_Ah)[known],
+        voltage_V=voltage_V[known],
+        current_A=phase.current_A,
+        moved_Ah=abs(moved_Ah),
+        temperature_degC=None if degC is None else float(np.nanmedian(degC[rows])),
+        complete=complete,
     )
 
 
@@ -172,18 +187,6 @@ def _ends_at_limit(voltage_V: np.ndarray, last: int, moved_Ah: float) -> bool:
     """True where the voltage at sample `last` is the highest after a charge, the lowest after a discharge."""
     limit_V = np.nanmax(voltage_V) if moved_Ah > 0 else np.nanmin(voltage_V)
     return bool(abs(voltage_V[last] - limit_V) <= _LIMIT_TOLERANCE * limit_V)
-
-
-def _start_of_part(record: Record, before: list[OcvBranch], initial_soc: float | None) -> float:
-    if before:
-        return float(before[-1].soc[-1])
-    if initial_soc is not None:
-        return initial_soc
-    raise InputError(
-        f"log {record.log.name!r}: its low-rate test moves less than {_COMPLETE_SHARE:.0%} of the given capacity, so "
-        "where it starts is not known; give the SoC it starts at (--initial-soc 0.5, or "
-        f"initial_soc={{{record.log.name!r}: 0.5}}), or check the capacity"
-    )
 
 
 def _by_temperature(branches: Sequence[OcvBranch], otherwise_degC: float) -> dict[float, list[OcvBranch]]:
@@ -198,8 +201,8 @@ def _by_temperature(branches: Sequence[OcvBranch], otherwise_degC: float) -> dic
 
 def _mean_and_hysteresis(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.ndarray]:
     """(201,) mean curve and hysteresis [V], which closes to 0 where only one direction was measured."""
-    curves = [_on_grid([b for b in branches if b.direction == way]) for way in ("discharge", "charge")]
-    discharge, charge = curves
+    discharge = _on_grid([branch for branch in branches if branch.direction == "discharge"])
+    charge = _on_grid([branch for branch in branches if branch.direction == "charge"])
     if np.isnan(discharge).all() or np.isnan(charge).all():
         mean_V = discharge if np.isnan(charge).all() else charge
         return monotone(_held(mean_V)), np.zeros_like(OCV_GRID)
@@ -212,10 +215,9 @@ def _mean_and_hysteresis(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.
 
 def _on_grid(branches: Sequence[OcvBranch]) -> np.ndarray:
     """(201,) mean voltage of the branches of one direction, nan where none was measured."""
-    rows = [_interpolated(branch) for branch in branches]
-    known = np.sum([~np.isnan(row) for row in rows], axis=0) if rows else np.zeros(OCV_GRID.size)
-    total = np.nansum(rows, axis=0) if rows else np.zeros(OCV_GRID.size)
-    return np.where(known > 0, total / np.maximum(known, 1), np.nan)
+    rows = np.reshape([_interpolated(branch) for branch in branches], (len(branches), OCV_GRID.size))
+    known = np.count_nonzero(~np.isnan(rows), axis=0)
+    return np.where(known > 0, np.nansum(rows, axis=0) / np.maximum(known, 1), np.nan)
 
 
 def _interpolated(branch: OcvBranch, grid: np.ndarray = OCV_GRID) -> np.ndarray:
@@ -225,8 +227,9 @@ def _interpolated(branch: OcvBranch, grid: np.ndarray = OCV_GRID) -> np.ndarray:
 
 def _closing(hysteresis_V: np.ndarray) -> np.ndarray:
     """(201,) hysteresis, closing to 0 at an end of SoC that one of the branches did not reach."""
-    known = np.flatnonzero(~np.isnan(hysteresis_V))
-    return np.interp(OCV_GRID, [-1e-9, *OCV_GRID[known], 1 + 1e-9], [0.0, *hysteresis_V[known], 0.0])
+    known = ~np.isnan(hysteresis_V)
+    soc = [-1e-9, *OCV_GRID[known], 1 + 1e-9]
+    return np.interp(OCV_GRID, soc, [0.0, *hysteresis_V[known], 0.0])
 
 
 def _held(values: np.ndarray) -> np.ndarray:
@@ -319,10 +322,12 @@ def _merged(points: Sequence[RestPoint]) -> tuple[np.ndarray, np.ndarray]:
             groups[-1].append(point)
         else:
             groups.append([point])
-    soc = np.array([np.mean([p.soc for p in g]) for g in groups])
-    return soc, monotone(
-        np.array([np.average([p.voltage_V for p in g], weights=[p.duration_s for p in g]) for g in groups])
-    )
+    soc, voltage_V = [], []
+    for group in groups:
+        socs, voltages_V, durations_s = zip(*group, strict=True)
+        soc.append(np.mean(socs))
+        voltage_V.append(np.average(voltages_V, weights=durations_s))
+    return np.array(soc), monotone(np.array(voltage_V))
 
 
 def _with_ends(soc: np.ndarray, voltage_V: np.ndarray, empty_V: float) -> tuple[np.ndarray, np.ndarray]:
@@ -334,5 +339,6 @@ def _with_ends(soc: np.ndarray, voltage_V: np.ndarray, empty_V: float) -> tuple[
         bottom_V = straight_V if soc[0] < _SAME_SOC else min(straight_V, lowest_V)
         soc, voltage_V = np.append(0.0, soc), np.append(bottom_V, voltage_V)
     if soc[-1] < 1:
-        soc, voltage_V = np.append(soc, 1.0), np.append(voltage_V, voltage_V[-1] + slope[-1] * (1 - soc[-1]))
+        top_V = voltage_V[-1] + slope[-1] * (1 - soc[-1])
+        soc, voltage_V = np.append(soc, 1.0), np.append(voltage_V, top_V)
     return soc, voltage_V

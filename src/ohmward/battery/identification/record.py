@@ -62,7 +62,8 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
         )
     current_A = known_current_A(log)
     rest = np.abs(current_A - idle_current_A) <= REST_C * capacity_Ah
-    jump = np.abs(np.diff(current_A)) > np.maximum(_JUMP_SHARE * np.abs(current_A[1:]), _JUMP_RATE * capacity_Ah)
+    least_jump_A = np.maximum(_JUMP_SHARE * np.abs(current_A[1:]), _JUMP_RATE * capacity_Ah)
+    jump = np.abs(np.diff(current_A)) > least_jump_A
     new = (rest[1:] != rest[:-1]) | (jump & ~rest[1:])
     first = np.concatenate([[0], np.flatnonzero(new) + 1])
     last = np.append(first[1:], len(log)) - 1
@@ -117,13 +118,15 @@ def _joined(
 ) -> tuple[Phase, ...]:
     """Phases of the runs first ... last (N,); neighbouring runs of varying current are one phase."""
     low, high = np.minimum.reduceat(current_A, first), np.maximum.reduceat(current_A, first)
-    steady = (high - low <= _CONSTANT_SHARE * np.maximum(np.abs(high), np.abs(low))) & (last > first)
+    largest_A = np.maximum(np.abs(high), np.abs(low))
+    steady = (high - low <= _CONSTANT_SHARE * largest_A) & (last > first)
     varying = ~rest & ~steady
+    kinds = np.select([rest, varying], ["rest", "varying"], "constant").tolist()
     starts = np.flatnonzero(~(varying & np.concatenate([[False], varying[:-1]])))
     ends = np.append(starts[1:], first.size) - 1
     return tuple(
         Phase(
-            "rest" if rest[a] else "varying" if varying[a] else "constant",
+            kinds[a],
             int(first[a]),
             int(last[b]),
             float(current_A[first[a] : last[b] + 1].mean()),

@@ -122,9 +122,10 @@ def find_anchors(
         return (SocAnchor(0, initial_soc, TEST_START_STD, _GIVEN), *full)
     if full:
         return full
-    rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
-    rests = tuple(a._replace(std=float(np.hypot(a.std, ocv_axis_std * axis_bridge(a.soc)))) for a in rests)
-    known = rests + sweep_anchor(record, capacity_Ah, empty_V)
+    known = []
+    for rest in rest_anchors(record, ocv, capacity_Ah) if ocv else ():
+        known.append(rest._replace(std=float(np.hypot(rest.std, ocv_axis_std * axis_bridge(rest.soc)))))
+    known += sweep_anchor(record, capacity_Ah, empty_V)
     if not known:
         _require_likely_capacity(record, capacity_Ah)
         raise InputError(
@@ -224,7 +225,7 @@ def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
     at = np.flatnonzero(voltage_V >= (1 - _TOP_SHARE) * voltage_V.max())
     discharged = np.diff(np.cumsum(record.current_A < -REST_C * capacity_Ah)[at]) > 0
     breaks = np.flatnonzero(discharged | (np.diff(time_s[at]) > _TOP_BREAK_S))
-    return list(zip(at[np.append(0, breaks + 1)], at[np.append(breaks, at.size - 1)], strict=True))
+    return [(stay[0], stay[-1]) for stay in np.split(at, breaks + 1)]
 
 
 def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> int | None:
@@ -244,17 +245,23 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
     if not is_rest(record.phases[0]):
         return False
     time_s = record.log.time_s
-    rests = find_rests(record.phases, SETTLED_REST_S)
-    after = [p for p in rests if any(0 < time_s[p.first] - time_s[end] < _SOON_S for end in full)]
+    full_s = time_s[list(full)]
     voltage_V = record.log.voltage_V
-    return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
+    for rest in find_rests(record.phases, SETTLED_REST_S):
+        since_s = time_s[rest.first] - full_s
+        soon = np.any((since_s > 0) & (since_s < _SOON_S))
+        if soon and voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[rest.last]:
+            return True
+    return False
 
 
 def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
     """Hysteresis state (T,) in [-1, 1] by the charge that flowed, and the share of it that is known."""
     moved = record.charge.moved_Ah / capacity_Ah
     decay = np.exp(-_USUAL_GAMMA * np.abs(moved))
-    h = scan(decay, np.append(record.came_from, ((1 - decay) * np.sign(moved))[1:]))
+    drive = (1 - decay) * np.sign(moved)
+    drive[0] = record.came_from
+    h = scan(decay, drive)
     return h, np.ones(moved.size) if record.came_from else 1 - np.cumprod(decay)
 
 

@@ -42,6 +42,7 @@ from ohmward.battery.posterior import (
     Unknowns,
     beyond_axis_V,
     remaining_std,
+    variances,
 )
 from ohmward.filters.consistency import BAND_95
 
@@ -192,7 +193,7 @@ def folded_curve(curve: OpenCircuit, covariance: np.ndarray) -> OcvCurve:
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), OCV_POINTS))
     charge, group = file_charge(soc, curve.place.log_ratio), p.group("ocv")
     voltage_V, knots = curve.at(charge, ocv.reference_degC), hat(charge, OCV_KNOTS)
-    std_V = np.sqrt(np.einsum("nk,kl,nl->n", knots, covariance[group, group], knots))
+    std_V = np.sqrt(variances(knots, covariance[group, group]))
     entropy = theta[p.group("entropy")]
     more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0
     ratio = float(np.exp(theta[p.group("hysteresis")].sum()))

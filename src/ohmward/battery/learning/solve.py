@@ -36,6 +36,7 @@ from ohmward.battery.posterior import (
     hessian,
     pseudo_huber,
     robust_weights,
+    variances,
     voltage_variance,
 )
 from ohmward.battery.soc.anchor_rule import SocAnchor
@@ -75,7 +76,7 @@ class Solution(NamedTuple):
         """(2,) standard deviations of the highest and the lowest SoC of the part, as if the curve were right."""
         soc = self.charge.soc
         columns = self.charge.soc_columns(np.array([np.argmax(soc), np.argmin(soc)]))
-        return np.sqrt(np.einsum("nk,kl,nl->n", columns, np.linalg.inv(self.hessian), columns))
+        return np.sqrt(variances(columns, np.linalg.inv(self.hessian)))
 
 
 class PartRows(NamedTuple):
