@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,8 +102,8 @@ def soc_figure(
 
     truth: (T,) in [0, 1], nan where there is none.
     """
-    soc, std, reference = 100 * estimates.soc, 100 * estimates.soc_std, None if truth is None else 100 * truth
-    curves = estimated(log.time_s, soc, std, reference, (0.0, 100.0))
+    reference = None if truth is None else 100 * truth
+    curves = estimated(log.time_s, 100 * estimates.soc, 100 * estimates.soc_std, reference, (0.0, 100.0))
     return Figure("State of charge", TIME, SOC_AXIS, *curves, spans=spans, height_px=300)
 
 
@@ -215,15 +216,13 @@ def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
     rows = [model.r0_discharge_ohm, model.r0_charge_ohm, *model.r_ohm]
     roles: tuple[Meaning, ...] = ("estimate", "background", "comparison", "reference", "alert")
     soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
-    labelled = list(zip(names, rows, roles, strict=False))
-    series = [Series(soc, 1e3 * np.asarray(r), name, role=role) for name, r, role in labelled]
-    bands = []
-    if fit is not None:
-        stds = [1e3 * fit.resistance_std_ohm(j) for j in range(len(labelled))]
-        bands = [
-            band_95(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
-            for (name, r, role), std in zip(labelled, stds, strict=True)
-        ]
+    series, bands = [], []
+    for j, (name, row_ohm, role) in enumerate(zip(names, rows, roles, strict=False)):
+        row_mohm = 1e3 * np.asarray(row_ohm)
+        series.append(Series(soc, row_mohm, name, role=role))
+        if fit is not None:
+            std_mohm = 1e3 * fit.resistance_std_ohm(j)
+            bands.append(band_95(soc, row_mohm, std_mohm, (0.0, np.inf), f"95 % of {name}", role))
     return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series, bands)
 
 
@@ -253,8 +252,8 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     """Measured and simulated voltage, residual, current and state of charge of one log, on one clock."""
     whole, time_s = log.record.log, _joined([part.time_s for part in log.parts], hold=True)
     measured, simulated = _joined([part.voltage_V for part in log.parts]), _joined(log.simulated_V)
-    rests = [phase for phase in log.record.phases if phase.kind == "rest"][:MOST_SPANS]
-    spans = [Span(float(whole.time_s[p.first]), float(whole.time_s[p.last]), "rest") for p in rests]
+    rests = [(phase.first, phase.last) for phase in log.record.phases if phase.kind == "rest"][:MOST_SPANS]
+    spans = [Span(float(whole.time_s[first]), float(whole.time_s[last]), "rest") for first, last in rests]
     voltage = [
         Series(time_s, measured, "measured", role="background"),
         Series(time_s, simulated, "simulated", role="estimate"),
@@ -279,10 +278,12 @@ def residuals_figure(residual_mV: np.ndarray) -> Figure:
     if not known.size:
         return Figure(title, x_label, "Density", [], height_px=220)
     low, high = np.quantile(known, [0.001, 0.999])
-    density, edges = np.histogram(known, _HISTOGRAM_BINS, (low, high if high > low else low + 1e-9), density=True)
+    high = high if high > low else low + 1e-9
+    density, edges = np.histogram(known, _HISTOGRAM_BINS, (low, high), density=True)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    mean, std = known.mean(), max(known.std(), 1e-12)
-    normal = np.exp(-0.5 * ((middle - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
+    std = max(known.std(), 1e-12)
+    z = (middle - known.mean()) / std
+    normal = np.exp(-0.5 * z**2) / (std * np.sqrt(2 * np.pi))
     series = [
         Series(edges, np.append(density, density[-1]), "residuals", "step", "estimate"),
         Series(middle, normal, "normal", "dashed", "reference"),
@@ -292,13 +293,15 @@ def residuals_figure(residual_mV: np.ndarray) -> Figure:
 
 def _slow(time_s: np.ndarray, factor: float, *columns: np.ndarray) -> list[np.ndarray]:
     """Times, and columns times the factor: every sample, or `_MOST_SLOW` even ones of a long log."""
-    drawn = np.unique(np.linspace(0, time_s.size - 1, _MOST_SLOW).astype(int)) if time_s.size > _MOST_SLOW else ...
+    drawn = np.linspace(0, time_s.size - 1, min(_MOST_SLOW, time_s.size)).astype(int)
     return [time_s[drawn], *(factor * column[drawn] for column in columns)]
 
 
 def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
     """A line each; those beyond the number of hues are dashed."""
-    return [Series(x, y, name, "line" if k < len(CYCLE) else "dashed") for k, (name, y) in enumerate(lines.items())]
+    series = [Series(x, y, name) for name, y in lines.items()]
+    beyond = [replace(line, style="dashed") for line in series[len(CYCLE) :]]
+    return series[: len(CYCLE)] + beyond
 
 
 def seconds_text(seconds: float) -> str:
@@ -318,8 +321,10 @@ def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:
 def _usual(values: np.ndarray) -> float:
     """A limit above all but the largest 2 % of the magnitudes, so that the first seconds do not flatten the rest."""
     size = values[np.isfinite(values)]
+    if not size.size:
+        return 1.0
     np.abs(size, out=size)
-    return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
+    return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6)
 
 
 def cells_soc_figure(run: PackRun) -> Figure:
@@ -327,7 +332,8 @@ def cells_soc_figure(run: PackRun) -> Figure:
     weakest = int(run.pack.weakest[-1])
     soc, std = 100 * run.cells.soc[:, weakest], 100 * run.cells.soc_std[:, weakest]
     series = [Series(run.time_s, soc, f"weakest: {run.names[weakest]}", role="alert")]
-    series += [Series(run.time_s, 100 * run.cells.soc[:, k], run.names[k]) for k in _drawn(run) if k != weakest]
+    others = [k for k in _drawn(run) if k != weakest]
+    series += [Series(run.time_s, 100 * run.cells.soc[:, k], run.names[k]) for k in others]
     series.append(Series(run.time_s, 100 * run.pack.soc, "pack", "dashed", "reference"))
     band = band_95(run.time_s, soc, std, (0.0, 100.0), role="alert")
     return Figure("State of charge of the cells", TIME, SOC_AXIS, series, [band], height_px=300)
@@ -344,4 +350,6 @@ def cells_difference_figure(run: PackRun) -> Figure:
 def _drawn(run: PackRun) -> list[int]:
     """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
     order = np.argsort(run.cells.soc[-1]).tolist()
-    return sorted(order) if len(order) <= _MOST_CELL_LINES else sorted([*order[: _MOST_CELL_LINES // 2], *order[-1:]])
+    if len(order) > _MOST_CELL_LINES:
+        order = [*order[: _MOST_CELL_LINES // 2], order[-1]]
+    return sorted(order)

@@ -32,11 +32,12 @@ def capacity_figure(health: Health) -> Figure:
     low, middle, high = (_PERCENT * row[drawn] for row in np.exp(ahead.log_capacity))
     x = (now_days + ahead.days[drawn]) / unit
     trend, band = _trend(health.capacity, health, unit)
+    whole, worn_out = np.array([0.0, x[-1]]), np.full(2, _PERCENT * ahead.share)
     series = [
         trend,
         *_points(health, "log_capacity", unit),
         Series(x, middle, "ahead", "dashed", "comparison"),
-        Series(np.array([0.0, x[-1]]), np.full(2, _PERCENT * ahead.share), "worn out", "dashed", "alert"),
+        Series(whole, worn_out, "worn out", "dashed", "alert"),
     ]
     bands = [band, Band(x, low, high, "95 % of what may come", "comparison")]
     return _figure("Capacity over that when new", "Capacity [%]", series, bands, health, span_days)

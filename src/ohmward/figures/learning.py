@@ -33,7 +33,8 @@ def ocv_correction_figure(before: Battery, after: Battery) -> Figure:
     stds = [1e3 * ocv_std_V(battery, _SOC) for battery in (before, after)]
     series, bands = _before_and_after([np.zeros_like(_SOC), change_mV], stds)
     middle = (_MIDDLE[0] <= _SOC) & (_MIDDLE[1] >= _SOC)
-    limit = 1.2 * max(float(np.abs([band.low[middle], band.high[middle]]).max()) for band in bands)
+    edges_mV = np.array([(band.low[middle], band.high[middle]) for band in bands])
+    limit = 1.2 * float(np.abs(edges_mV).max())
     title = "Change of the open-circuit voltage"
     return Figure(title, SOC_AXIS, "Change [mV]", series, bands, y_limits=(-limit, limit), height_px=220)
 
@@ -45,7 +46,8 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
         ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
         series.append(Series(100 * _SOC, ohm, name, style, role))
         bands.append(lognormal_band_95(100 * _SOC, ohm, _log_resistance_std(battery), f"95 % {name}", role))
-    highest = max(1.3 * float(max(s.y.max() for s in series)), 1.1 * float(bands[1].high.max()))
+    of_lines, of_band = max(line.y.max() for line in series), bands[1].high.max()
+    highest = float(max(1.3 * of_lines, 1.1 * of_band))
     title = f"Resistance to {PULSE_S:g} s of current"
     return Figure(title, SOC_AXIS, "Resistance [mΩ]", series, bands, y_limits=(0.0, highest))
 

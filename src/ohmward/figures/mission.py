@@ -102,5 +102,6 @@ def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """A running mean over two seconds: single samples are mostly noise."""
     width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
     known = np.nan_to_num(np.asarray(values, dtype=float))
-    smooth = np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")
-    return smooth[width // 2 : width // 2 + len(known)]
+    half = width // 2
+    smooth = np.convolve(np.pad(known, half, mode="edge"), np.full(width, 1 / width), mode="same")
+    return smooth[half : half + len(known)]

@@ -45,7 +45,9 @@ def band_95(
 ) -> Band:
     """The 95 % band, cut at the limits of the quantity."""
     low, high = mean - BAND_95 * std, mean + BAND_95 * std
-    return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
+    for edge in (low, high):
+        np.clip(edge, *limits, out=edge)
+    return Band(x, low, high, label, role)
 
 
 def lognormal_band_95(
@@ -73,14 +75,16 @@ def estimated(
 
 def spans_where(time_s: np.ndarray, condition: np.ndarray, label: str, role: Meaning) -> list[Span]:
     """A span for every stretch of True in `condition` (T,), the longest where there are many."""
-    return longest([Span(float(time_s[a]), float(time_s[b - 1]), label, role) for a, b in runs(condition)])
+    ends = [(float(time_s[first]), float(time_s[stop - 1])) for first, stop in runs(condition)]
+    return longest([Span(from_s, to_s, label, role) for from_s, to_s in ends])
 
 
 def flag_spans(time_s: np.ndarray, flags: np.ndarray, roles: Mapping[SampleFlag, Meaning]) -> list[Span]:
     """Spans of the samples that carry one of these flags; flags: (T,) sums of flag values."""
     spans = []
     for flag, role in roles.items():
-        spans += spans_where(time_s, flags.astype(int) & flag != 0, str(flag.name).lower().replace("_", " "), role)
+        words = str(flag.name).lower().replace("_", " ")
+        spans += spans_where(time_s, flags.astype(int) & flag != 0, words, role)
     return longest(spans)
 
 

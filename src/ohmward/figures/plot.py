@@ -47,7 +47,9 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
     """
     runs = [result, *others]
     known = None if truth is None else as_numbers("truth", truth)
-    lengths = {len(run.time_s) for run in runs if isinstance(run, Run)} | (set() if known is None else {known.size})
+    lengths = {len(run.time_s) for run in runs if isinstance(run, Run)}
+    if known is not None:
+        lengths.add(known.size)
     if others and (len({type(run) for run in runs}) > 1 or not isinstance(result, Run)):
         raise InputError(f"plot draws runs of one kind together, got {', '.join(type(run).__name__ for run in runs)}")
     if len(lengths) > 1:
@@ -93,7 +95,8 @@ def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:
         return Plot("State of charge", battery.comparison_figures(result, _named(runs), truth))
     if isinstance(result, SlipRun):
         figure = slip.speed_figure(result, truth_m_s=truth)
-        more = [Series(run.time_s, run.speed_m_s, name) for name, run in list(_named(runs).items())[1:]]
+        _, *beside = _named(runs).items()
+        more = [Series(run.time_s, run.speed_m_s, name) for name, run in beside]
         return Plot("Speed and slip", [replace(figure, series=[*figure.series, *more]), *slip.ground_figures(result)])
     raise InputError(f"plot draws runs of charge and of slip beside others or a truth, not {type(result).__name__}")
 

@@ -142,7 +142,8 @@ def ellipse(cov: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
     angle = np.linspace(0.0, 2 * np.pi, OUTLINE_POINTS)
     values, vectors = np.linalg.eigh(cov[:2, :2])
     axes = vectors * np.sqrt(np.maximum(values, 0.0)) * ELLIPSE_95
-    return np.array([[x_m], [y_m]]) + axes @ np.array([np.cos(angle), np.sin(angle)])
+    circle = np.array([np.cos(angle), np.sin(angle)])
+    return np.array([[x_m], [y_m]]) + axes @ circle
 
 
 def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str] = ()) -> list[Figure]:
@@ -184,8 +185,8 @@ def law_figure(found: Calibration, floor: Floor) -> Figure:
     """Slip against force of the wheels, scaled to the middle speed in rolling direction, and the law with its band."""
     p = points(cut(found.drives, found.robot), found.robot)
     slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
-    most = float(np.abs(p.force_share).max())
-    force = np.linspace(0.0, most, 60)
+    measured_force, measured_slip = np.abs(p.force_share), np.sign(p.force_share) * slip
+    force = np.linspace(0.0, float(measured_force.max()), 60)
     mean, cov = SlipCurves(floor).belief(force, np.zeros(60))
     std = np.sqrt(np.diag(cov))
     return Figure(
@@ -193,7 +194,7 @@ def law_figure(found: Calibration, floor: Floor) -> Figure:
         "Traction over load [-]",
         "Slip [-]",
         series=[
-            Series(np.abs(p.force_share).ravel(), (np.sign(p.force_share) * slip).ravel(), "stretches", "points"),
+            Series(measured_force.ravel(), measured_slip.ravel(), "stretches", "points"),
             Series(force, mean, "learnt", role="estimate"),
         ],
         bands=[band_95(force, mean, std, label="95 %")],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,12 +68,15 @@ _AXIS_MARGIN = 0.03
 
 
 def _has_point(figures: Sequence[Figure], x: float) -> bool:
-    return any(x in s.x for f in figures for s in f.series if s.style == "points")
+    series = chain.from_iterable(figure.series for figure in figures)
+    return any(x in one.x for one in series if one.style == "points")
 
 
 def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
-    xs = [s.x for f in figures for s in f.series] + [b.x for f in figures for b in f.bands]
-    xs = [x for x in xs if x.size]
+    xs: list[np.ndarray] = []
+    for figure in figures:
+        xs += [series.x for series in figure.series if series.x.size]
+        xs += [band.x for band in figure.bands if band.x.size]
     if not xs:
         return 0.0, 1.0
     low, high = float(min(x[0] for x in xs)), float(max(x[-1] for x in xs))

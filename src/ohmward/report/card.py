@@ -50,8 +50,10 @@ def _path(line: Line) -> str:
     if len(points) < 2:
         return ""
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
-    scale = np.full(2, min(_CARD_WIDTH / (extent[0] or _STILL_EXTENT), _CARD_HEIGHT / (extent[1] or _STILL_EXTENT)))
-    return polylines(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light, _LINE_PX)
+    extent[extent == 0.0] = _STILL_EXTENT
+    scale = np.full(2, np.min((_CARD_WIDTH, _CARD_HEIGHT) / extent))
+    colour = SHADES[MEANING[line.role]].light
+    return polylines(_places(points[:, 0], points[:, 1], low, scale), colour, _LINE_PX)
 
 
 def _curves(figure: Figure) -> str:
@@ -59,12 +61,13 @@ def _curves(figure: Figure) -> str:
     lines = [series for series in figure.series if series.axis == "left" and np.isfinite(series.y).any()]
     if not lines:
         return ""
-    edges = [edge for band in figure.bands for edge in (band.low, band.high)]
-    drawn = np.concatenate([*(series.y for series in lines), *edges])
-    x_low, x_high = float(min(s.x[0] for s in lines)), float(max(s.x[-1] for s in lines))
+    lows, highs = [band.low for band in figure.bands], [band.high for band in figure.bands]
+    drawn = np.concatenate([*(series.y for series in lines), *lows, *highs])
     low, high = figure.y_limits or (np.nanmin(drawn), np.nanmax(drawn))
-    scale = np.array([_CARD_WIDTH / ((x_high - x_low) or 1.0), _CARD_HEIGHT / ((float(high) - float(low)) or 1.0)])
-    corner = np.array([x_low, float(low)])
+    corner = np.array([min(series.x[0] for series in lines), low])
+    extent = np.array([max(series.x[-1] for series in lines), high]) - corner
+    extent[extent == 0.0] = 1.0
+    scale = (_CARD_WIDTH, _CARD_HEIGHT) / extent
     names = colours([series.role for series in lines])
     bands = "".join(_band(band, corner, scale) for band in figure.bands)
     curves = "".join(_line(series, name, corner, scale) for series, name in zip(lines, names, strict=True))

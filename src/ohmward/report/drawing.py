@@ -44,7 +44,8 @@ def add_line(ax: Any, x: np.ndarray, y: np.ndarray, colour: str, label: str, sty
 def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
     place = x_axis.place
     for span in _one_of_each(figure.spans):
-        ax.axvspan(*map(place, span[:2]), color=_colour(MEANING[span.role]), alpha=0.12, linewidth=0, label=span.label)
+        shade = {"color": _colour(MEANING[span.role]), "alpha": 0.12, "linewidth": 0}
+        ax.axvspan(place(span.x_from), place(span.x_to), label=span.label, **shade)
     for band in figure.bands:
         shade = {"color": _colour(MEANING[band.role]), "alpha": 0.2, "linewidth": 0}
         x, low, high = envelope(band.x, band.low, band.high, _THINNING_COLUMNS)

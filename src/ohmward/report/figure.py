@@ -93,8 +93,12 @@ def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     if x.size <= 4 * columns:
         return np.arange(x.size)
     edges = np.unique(column_edges(x, columns))
-    blocks = (edges[k : k + _COLUMNS_AT_ONCE + 1] for k in range(0, edges.size - 1, _COLUMNS_AT_ONCE))
-    return np.concatenate([block[0] + _column_samples(y[block[0] : block[-1]], block - block[0]) for block in blocks])
+    samples = []
+    for k in range(0, edges.size - 1, _COLUMNS_AT_ONCE):
+        block = edges[k : k + _COLUMNS_AT_ONCE + 1]
+        first, stop = block[0], block[-1]
+        samples.append(first + _column_samples(y[first:stop], block - first))
+    return np.concatenate(samples)
 
 
 def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,8 +153,8 @@ def _column_samples(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Indices of the first, last, lowest and highest sample and the first gap of each column; edges: (columns + 1,)."""
     gap = np.isnan(y)
     column = np.repeat(np.arange(edges.size - 1), np.diff(edges))
-    lowest, highest = np.fmin.reduceat(y, edges[:-1])[column], np.fmax.reduceat(y, edges[:-1])[column]
-    rows = [_firsts(chosen, column) for chosen in (gap, ~gap, y == lowest, y == highest)]
+    lowest, highest = np.fmin.reduceat(y, edges[:-1]), np.fmax.reduceat(y, edges[:-1])
+    rows = [_firsts(chosen, column) for chosen in (gap, ~gap, y == lowest[column], y == highest[column])]
     known = np.flatnonzero(~gap)
     rows.append(known[np.diff(column[known], append=-1) != 0])
     return np.unique(np.concatenate(rows))
@@ -323,8 +327,10 @@ def _check_ascending(label: str, x: np.ndarray) -> None:
 
 
 def _check_limits(figure: Figure) -> None:
-    of_spans = [x for s in figure.spans for x in (s.x_from, s.x_to)]
-    edges = [m.x for m in figure.markers] + of_spans + list(figure.y_limits or ())
+    edges = [marker.x for marker in figure.markers]
+    for span in figure.spans:
+        edges += [span.x_from, span.x_to]
+    edges += figure.y_limits or ()
     if not np.isfinite(edges).all():
         raise InputError(f"figure {figure.title!r}: markers, spans and y_limits must be finite, got {edges}")
     for span in figure.spans:
@@ -339,8 +345,9 @@ def _check_limits(figure: Figure) -> None:
 
 
 def _check_positive(figure: Figure) -> None:
-    left = [(s.label, s.y) for s in figure.series if s.axis == "left"] + [(b.label, b.low) for b in figure.bands]
-    for label, values in left:
+    series = [(one.label, one.y) for one in figure.series if one.axis == "left"]
+    bands = [(band.label, band.low) for band in figure.bands]
+    for label, values in series + bands:
         if (values <= 0).any():
             raise InputError(
                 f"figure {figure.title!r}: log_y needs values > 0, {label!r} has {np.nanmin(values):g}; "

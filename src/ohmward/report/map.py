@@ -113,12 +113,13 @@ class Map(Drawing):
 
 def area_of(lines: Sequence[Line]) -> Area:
     """Area that holds all finite points with a margin."""
-    points = np.concatenate([np.array([line.x, line.y], dtype=float) for line in lines] or [np.zeros((2, 0))], axis=1)
+    points = np.hstack([np.zeros((2, 0)), *(np.array([line.x, line.y], dtype=float) for line in lines)])
     points = points[:, np.isfinite(points).all(axis=0)]
     if points.shape[1] == 0:
         points = np.zeros((2, 1))
     low, high = points.min(axis=1), points.max(axis=1)
-    extent = np.maximum(high - low, max(LEAST_EXTENT, 0.1 * float(np.max(high - low)))) * (1 + 2 * MAP_MARGIN)
+    least = max(LEAST_EXTENT, 0.1 * float(np.max(high - low)))
+    extent = np.maximum(high - low, least) * (1 + 2 * MAP_MARGIN)
     corner = (low + high - extent) / 2
     width, height = float(extent[0]), float(extent[1])
     return Area(float(corner[0]), float(corner[1]), width, height, min(WIDTH_PX / width, HEIGHT_PX / height))

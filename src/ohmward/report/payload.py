@@ -64,7 +64,8 @@ def _packed_y(y: np.ndarray, logarithmic: bool) -> dict[str, Any]:
     """In steps of the usual variation; as 32-bit floats where these do not fit: on a log axis, beside a huge spike."""
     per_unit = 10.0 ** value_decimals(y, FIGURE_DIGITS)
     known = np.isfinite(y)
-    low, high = (float(y.min(initial=np.inf, where=known)), float(y.max(initial=-np.inf, where=known)))
+    low = float(y.min(initial=np.inf, where=known))
+    high = float(y.max(initial=-np.inf, where=known))
     extremes = {"extremes": [low, high] if low <= high else [0.0]}
     if logarithmic or (high - low) * per_unit > _LARGEST_RANGE:
         return extremes | {"data": _text(y.astype("<f4").view("<i4"))}
