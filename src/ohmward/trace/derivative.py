@@ -1,6 +1,7 @@
 """Exact Jacobians by forward differentiation of the graph."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,9 @@ def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.nd
     if rows.ndim != 1:
         raise InputError(f"linearize: f must return one row of numbers (m,), got shape {rows.shape}")
     outputs = [number(y) for y in rows.tolist()]
-    entries = [*outputs, *(d for row in differentiate(outputs, inputs) for d in row)]
-    values = substitute(entries, {s.serial: number(v) for s, v in zip(inputs, at.tolist(), strict=True)})
+    entries = [*outputs, *chain.from_iterable(differentiate(outputs, inputs))]
+    point = {symbol.serial: number(value) for symbol, value in zip(inputs, at.tolist(), strict=True)}
+    values = substitute(entries, point)
     dtype = object if any(isinstance(v, Expression) for v in values) else float
     value_and_jacobian = np.array(values, dtype=dtype)
     value, J = value_and_jacobian[: rows.size], value_and_jacobian[rows.size :]
@@ -45,7 +47,8 @@ def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> li
     """Derivative of every output with respect to every input; the literal 0.0 where it does not depend on it."""
     nodes = schedule(outputs, first=min(x.serial for x in inputs)) if inputs else ()
     columns = [_tangents(nodes, x) for x in inputs]
-    return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
+    serials = [y.serial if isinstance(y, Expression) else -1 for y in outputs]
+    return [[column.get(serial, 0.0) for column in columns] for serial in serials]
 
 
 def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:

@@ -228,8 +228,9 @@ class Kernel:
         """Number of steps along time, and of all lanes together."""
         structure = self.program.step_structure.sample
         pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
-        length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
-        return length, max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
+        lengths = [len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)]
+        sizes = [np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs]
+        return max(lengths, default=0), max(sizes, default=0)
 
     @cached_property
     def _call(self) -> Callable[..., Any]:

@@ -110,7 +110,7 @@ class OriginRecorder:
         code = frame.f_code
         arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         for variable, value in frame.f_locals.items():
-            strength = 0 if variable in arguments else 1 if len(variable) < _SPEAKING else 2
+            strength = 0 if variable in arguments else 1 + (len(variable) >= _SPEAKING)
             for name, x in _scalars(variable.strip("_"), value):
                 serial = self._source(x.serial)
                 if strength > self._names.get(serial, (-1, ""))[0]:

@@ -43,8 +43,11 @@ def evaluator(program: Program) -> Callable[[np.ndarray], np.ndarray]:
         constants.insert(0, np.float32(x) if isinstance(x, float) else x)
         return -len(constants)
 
-    steps = [(places[x.serial], _FUNCTIONS[x.operation.name], [*map(place_of, x.args)]) for x in program.nodes]
-    outputs = [*map(place_of, program.outputs)]
+    steps = []
+    for x in program.nodes:
+        arguments = [place_of(argument) for argument in x.args]
+        steps.append((places[x.serial], _FUNCTIONS[x.operation.name], arguments))
+    outputs = [place_of(y) for y in program.outputs]
 
     def evaluate(inputs: np.ndarray) -> np.ndarray:
         singles = zip(program.inputs, np.asarray(inputs, np.float32), strict=True)

@@ -86,11 +86,11 @@ def size(structure: Structure) -> int:
 
 def scalar_names(structure: Structure) -> list[str]:
     """Name of every scalar, in order: `belief.mean[0]`, ..."""
-    return [
-        f"{name}[{','.join(map(str, index))}]" if leaf.shape else name
-        for name, leaf in leaves(structure)
-        for index in np.ndindex(*leaf.shape)
-    ]
+    names = []
+    for name, leaf in leaves(structure):
+        for index in np.ndindex(*leaf.shape):
+            names.append(f"{name}[{','.join(map(str, index))}]" if index else name)
+    return names
 
 
 def is_finite(structure: Structure, tree: Any) -> bool:
@@ -136,7 +136,7 @@ def side_by_side(trees: Sequence[Any]) -> Any:
     """Trees of one structure combined in lanes: every leaf with a trailing axis (..., B)."""
     structure = structure_of(trees[0], "tree")
     values = zip(*(flatten(structure, tree) for tree in trees), strict=True)
-    return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in values))
+    return unflatten(structure, (np.moveaxis(np.asarray(leaf, dtype=float), 0, -1) for leaf in values))
 
 
 def pick_lanes(tree: Any, index: int | slice) -> Any:

@@ -35,18 +35,22 @@ def _joined(tables: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
     for values in tables:
         if any(position(values, array) is not None for array in arrays):
             continue
-        shifted = next((k for k, array in enumerate(arrays) if array[1 - len(values) :] == values[:-1]), None)
-        if shifted is None:
-            arrays.append(values)
+        *continued, last = values
+        for k, array in enumerate(arrays):
+            if array[-len(continued) :] == tuple(continued):
+                arrays[k] += (last,)
+                break
         else:
-            arrays[shifted] += values[-1:]
+            arrays.append(values)
     return arrays
 
 
 def position(values: tuple[float, ...], array: tuple[float, ...]) -> int | None:
     """Index from which an array holds the values; None if it does not."""
-    starts = range(len(array) - len(values) + 1)
-    return next((k for k in starts if array[k] == values[0] and array[k : k + len(values)] == values), None)
+    for k in range(len(array) - len(values) + 1):
+        if array[k] == values[0] and array[k : k + len(values)] == values:
+            return k
+    return None
 
 
 #: Up to this size every whole number is exact in single precision, so a cast to an integer gives the same as `floor`.

@@ -17,7 +17,7 @@ import re
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import count
+from itertools import chain, count
 from typing import NamedTuple
 
 from ohmward.errors import InputError
@@ -217,9 +217,8 @@ def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str])
 
 
 def _source_of_loops(name: str, started: list[Function], loops: Loops) -> str:
-    typedefs = [
-        line for word, structure in loops.structs.items() for line in _typedef(name, word, members(structure), {})
-    ]
+    structs = [_typedef(name, word, members(structure), {}) for word, structure in loops.structs.items()]
+    typedefs = list(chain.from_iterable(structs))
     return f"{_source(name, [*started, *loops.functions], typedefs)}\n{loops.source}"
 
 
@@ -227,8 +226,11 @@ def _source(name: str, functions: list[Function], typedefs: list[str] | None = N
     functions = [function._replace(program=expand(function.program, F32)) for function in functions]
     programs = [function.program for function in functions]
     arrays = constant_arrays(programs)
-    writer = _CWriter(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)}, table_users(programs))
-    bodies = [line for function in functions for line in ("", *_body(writer, function))]
+    tables = {f"{name}_table{k}": values for k, values in enumerate(arrays)}
+    writer = _CWriter(name, tables, table_users(programs))
+    bodies: list[str] = []
+    for function in functions:
+        bodies += ["", *_body(writer, function)]
     includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
     includes += _NO_CONTRACTION
     return "\n".join([*includes, *(typedefs or []), *writer.globals(), *bodies[1:], ""])
@@ -349,7 +351,8 @@ class _CWriter:
     def read(self, symbol: Expression, place: str) -> None:
         """Read an input: an argument by its own name, a member of a struct by a name like it."""
         if "->" in place:
-            self.declare(symbol, Formula(place, ATOM), re.sub(r"\W+", "_", place.split("->")[1]).strip("_"))
+            _, _, member = place.partition("->")
+            self.declare(symbol, Formula(place, ATOM), re.sub(r"\W+", "_", member).strip("_"))
         else:
             self.formulas[symbol.serial] = Formula(place, ATOM)
 

@@ -76,7 +76,9 @@ def vector_bits() -> int:
     import llvmlite.binding as binding
 
     features = binding.get_host_cpu_features()
-    return 512 if features.get("avx512f") else 256 if features.get("avx") else 128
+    if features.get("avx512f"):
+        return 512
+    return 256 if features.get("avx") else 128
 
 
 def compile_scan(source: str, name: str) -> tuple[Callable[..., None], Any]:

@@ -73,15 +73,13 @@ def body(program: Program, safe: bool = False) -> Body:
 
 def _named(program: Program, safe: bool) -> set[int]:
     """Serials of the nodes that get a variable: used more than once, or an output."""
-    uses = Counter(a.serial for node in program.nodes for a in node.args if isinstance(a, Expression))
-    repeated = {
-        a.serial
-        for node in program.nodes
-        for place, a in enumerate(node.args)
-        if isinstance(a, Expression) and _template(node, safe)[0].count(f"{{{place}}}") > 1
-    }
-    outputs = {y.serial for y in program.outputs if isinstance(y, Expression)}
-    return repeated | outputs | {serial for serial, count in uses.items() if count > 1}
+    uses = Counter({y.serial: 2 for y in program.outputs if isinstance(y, Expression)})
+    for node in program.nodes:
+        template, _ = _template(node, safe)
+        for place, argument in enumerate(node.args):
+            if isinstance(argument, Expression):
+                uses[argument.serial] += max(template.count(f"{{{place}}}"), 1)
+    return {serial for serial, count in uses.items() if count > 1}
 
 
 def _template(node: Expression, safe: bool) -> tuple[str, int]:
