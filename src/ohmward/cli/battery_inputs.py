@@ -162,7 +162,10 @@ def reading_words(reading: ReadOptions) -> list[str]:
     """The words of a command line that `read_options` turns into these options."""
     hints = reading.hints
     repeated = {"--column": reading.columns, "--unit": reading.units, "--where": reading.where}
-    words = [word for option, pairs in repeated.items() for pair in pairs for word in (option, "=".join(pair))]
+    words: list[str] = []
+    for option, pairs in repeated.items():
+        for pair in pairs:
+            words += [option, "=".join(pair)]
     once = {
         "--current-sign": None if reading.current_sign == "auto" else reading.current_sign,
         "--names": hints.names and ",".join(hints.names),
@@ -175,17 +178,19 @@ def reading_words(reading: ReadOptions) -> list[str]:
         "--temperature": hints.temperature_degC,
         "--dbc": hints.dbc,
     }
-    words += [word for option, value in once.items() if value is not None for word in (option, str(value))]
+    for option, value in once.items():
+        if value is not None:
+            words += [option, str(value)]
     return [*words, "--sort-time"] if reading.sort_time else words
 
 
 def of_kinds(reading: ReadOptions, of_battery: bool) -> ReadOptions:
     """The options of the battery alone, or of the drive; the time belongs to both."""
-    columns, units = (
-        tuple((kind, name) for kind, name in pairs if kind == TIME.name or (kind in _BATTERY_KINDS) == of_battery)
-        for pairs in (reading.columns, reading.units)
-    )
-    chosen = replace(reading, columns=columns, units=units)
+
+    def chosen_of(pairs: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+        return tuple(pair for pair in pairs if pair[0] == TIME.name or (pair[0] in _BATTERY_KINDS) == of_battery)
+
+    chosen = replace(reading, columns=chosen_of(reading.columns), units=chosen_of(reading.units))
     if of_battery:
         return chosen
     return replace(chosen, current_sign="auto", hints=reading.hints._replace(temperature_degC=None))

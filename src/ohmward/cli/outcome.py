@@ -163,7 +163,9 @@ def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str
         InputError: see `check_output`; or a file without this column has the name already.
     """
     check_output("--output", path, endings, inputs)
-    if path and (file := Path(path)).exists() and file.stat().st_size and column.encode() not in _both_ends(file):
+    if not path or not (file := Path(path)).exists() or not file.stat().st_size:
+        return
+    if column.encode() not in _both_ends(file):
         raise InputError(
             f"--output {path}: there is another file of this name, without the column {column} that results have; "
             "choose another name, or delete it first"

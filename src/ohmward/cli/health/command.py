@@ -59,9 +59,8 @@ def run(args: argparse.Namespace) -> Outcome:
         logs, unread = read_logs(args.logs, read_options(args), battery, report)
         found = health(battery, logs, new_capacity_Ah=args.new_capacity_ah, worn=args.worn, progress=report)
     notes = [*warnings, *(f"info: {text}" for text in found.notes), *unread]
-    notes += [
-        f"warning: {log.name}: {note.text}" for log in found.dated.logs for note in log.notes if note.level == "warning"
-    ]
+    for log in found.dated.logs:
+        notes += [f"warning: {log.name}: {note.text}" for note in log.notes if note.level == "warning"]
     figures = summary(found) | {"notes": notes, "report": args.report}
     return Outcome(figures, describe(figures), notes, partial(make_page, found, figures))
 
@@ -125,7 +124,8 @@ def summary(found: BatteryHealth) -> dict[str, Any]:
 
 
 def _log(found: BatteryHealth, k: int, discharge_Ah: Normal) -> dict[str, Any]:
-    update, point, start_s = found.updates[k], found.health.points[k], float(found.dated.start_s[k])
+    update, point = found.updates[k], found.health.points[k]
+    start_s = float(found.dated.start_s[k])
     shows_capacity = point.shows_capacity and found.capacity_by == "logs"
     return {
         "log": update.log,

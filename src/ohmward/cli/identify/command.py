@@ -6,6 +6,7 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -46,15 +47,17 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".toml",), [str(split_selection(text)[0]) for text in args.logs])
     logs = [read_battery_log(text, read_options(args)) for text in args.logs]
     began = time.perf_counter()
+    named = {name: soc for name, soc in args.initial_soc if name}
     # a value without a name holds for all logs that are not named
-    starts = {log.name: soc for name, soc in args.initial_soc if not name for log in logs}
+    for_all = [soc for name, soc in args.initial_soc if not name]
+    starts = dict.fromkeys([log.name for log in logs], for_all[-1]) if for_all else {}
     settings = IdentificationSettings(
         args.capacity_ah,
         args.model,
         args.chemistry,
         args.n_series,
         args.name,
-        starts | {name: soc for name, soc in args.initial_soc if name},
+        starts | named,
         args.idle_current,
         args.ocv,
     )
@@ -66,7 +69,9 @@ def run(args: argparse.Namespace) -> Outcome:
     seconds = time.perf_counter() - began
     backup = replace_battery(battery, args.output) if args.output else None
     several = len(logs) > 1
-    notes = [f"{note.level}: {log.name}: {note.text}" if several else str(note) for log in logs for note in log.notes]
+    notes = []
+    for log in logs:
+        notes += [f"{note.level}: {log.name}: {note.text}" if several else str(note) for note in log.notes]
     assert battery.identification is not None
     notes += battery.identification.notes
     written = {"output": args.output, "backup": str(backup) if backup else None, "report": args.report}
@@ -163,11 +168,11 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
         page = page.callout("warning", MISFIT)
     for text in battery.not_identified:
         page = page.callout("warning", f"Not identified: {text}")
-    rests = [rest for log in found.logs for rest in log.rests]
+    rests = list(chain.from_iterable(log.rests for log in found.logs))
     page = page.heading("Open-circuit voltage").plot(pictures.ocv_figure(model.ocv, found.branches, rests, found.fit))
     if any(model.r0_discharge_ohm):
         page = page.heading("Resistances").plot(pictures.resistance_figure(model, found.fit))
-    if edges := [edge for log in found.logs for edge in log.edges]:
+    if edges := list(chain.from_iterable(log.edges for log in found.logs)):
         page = page.plot(pictures.edge_figure(edges))
     for details in found.logs:
         page = _log(page, details)

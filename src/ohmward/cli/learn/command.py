@@ -207,22 +207,25 @@ def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
     for file in f["files"]:
         page = _battery(page, files, file, [row for row in f["logs"] if row["battery_file"] == file["output"]])
     page = page.heading("Logs").table(LOGS, log_rows(f["logs"]), "In the order in which they were learnt")
-    anchors = [
-        [
-            row["log"],
-            f"{anchor['time_s'] / SECONDS_PER_HOUR:.2f} h" if anchor.get("time_s") is not None else "start",
-            str(anchor.get("kind", "given")),
-            f"{100 * anchor['soc']:.0f} ± {100 * BAND_95 * anchor['soc_std']:.0f} %",
-        ]
-        for row in f["logs"]
-        for anchor in row.get("anchors", [])
-    ]
+    anchors: list[list[str]] = []
+    for row in f["logs"]:
+        anchors += [_anchor_row(row["log"], anchor) for anchor in row.get("anchors", [])]
     if anchors:
         header = ["log", "time", "anchor", "state of charge"]
         page = page.heading("Anchors").table(
             header, anchors, "What showed the state of charge beside the voltage, once each"
         )
     return page
+
+
+def _anchor_row(log: str, anchor: Mapping[str, Any]) -> list[str]:
+    time_s = anchor.get("time_s")
+    return [
+        log,
+        "start" if time_s is None else f"{time_s / SECONDS_PER_HOUR:.2f} h",
+        str(anchor.get("kind", "given")),
+        f"{100 * anchor['soc']:.0f} ± {100 * BAND_95 * anchor['soc_std']:.0f} %",
+    ]
 
 
 def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Sequence[Row]) -> Page:
@@ -237,13 +240,12 @@ def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Seq
     learnt = [row for row in rows if row["verdict"] == "learnt"]
     if not learnt:
         return page
+    figures = []
     steps = [
         ("Capacity", "Capacity [Ah]", "capacity_Ah", 1.0),
         (f"Resistance to {PULSE_S:g} s of current", "Resistance [mΩ]", "resistance_ohm", 1e3),
     ]
-    return page.plot(
-        *(
-            pictures.progress_figure(name, label, [file["before"][key], *(row[key] for row in learnt)], scale)
-            for name, label, key, scale in steps
-        )
-    )
+    for name, label, field, scale in steps:
+        knowledge = [file["before"][field], *(row[field] for row in learnt)]
+        figures.append(pictures.progress_figure(name, label, knowledge, scale))
+    return page.plot(*figures)

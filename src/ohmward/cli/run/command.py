@@ -107,11 +107,9 @@ def summary(trial: Trial) -> dict[str, Any]:
 
 def describe(trial: Trial, setup: str) -> str:
     """The findings by severity, and the verdict."""
-    parts = [
-        bullets(title, [f"{f.name}: {f.message}" for f in trial.findings if f.level == level])
-        for level, title in _TITLES.items()
-        if any(f.level == level for f in trial.findings)
-    ]
+    parts = []
+    for level, title in _TITLES.items():
+        parts.append(bullets(title, [f"{f.name}: {f.message}" for f in trial.findings if f.level == level]))
     wrong = sum(f.level == Level.ERROR for f in trial.findings)
     things = "thing is" if wrong == 1 else "things are"
     verdict = f"{setup}: {wrong} {things} wrong" if wrong else f"{setup}: nothing is wrong; ohmward run {setup}"
