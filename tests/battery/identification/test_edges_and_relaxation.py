@@ -4,11 +4,11 @@ import pytest
 from battery.identification.examples import cell, pulse_log
 from ohmward.battery.identification.log_details import (
     Edge,
-    OhmicResistance,
+    EdgeResistance,
+    edge_resistance,
     find_edges,
     find_relaxations,
     fit_exponentials,
-    ohmic_resistance,
 )
 from ohmward.battery.identification.record import Record, make_records
 
@@ -23,8 +23,8 @@ def edges_of(p, **how) -> tuple[Edge, ...]:
     return find_edges(record, soc, p.capacity_Ah)
 
 
-def r0_of(edges, direction) -> OhmicResistance:
-    found = ohmic_resistance(edges, direction)
+def r0_of(edges, direction) -> EdgeResistance:
+    found = edge_resistance(edges, direction)
     assert found is not None
     return found
 
@@ -45,7 +45,7 @@ def test_edges_see_little_of_the_pairs_and_their_noise_is_stated():
 
 
 def test_no_edges_no_resistance():
-    assert ohmic_resistance((), -1) is None
+    assert edge_resistance((), -1) is None
 
 
 @pytest.mark.parametrize("taus", [(50.0,), (15.0, 400.0)])

@@ -35,7 +35,7 @@ from ohmward.battery.identification.ocv_from_logs import (
     rest_points,
 )
 from ohmward.battery.identification.record import Record, reference_degC
-from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
+from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_anchors
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.ocv_file import given_ocv
 from ohmward.battery.posterior import OCV_KNOTS
@@ -177,7 +177,7 @@ def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings)
 def known_without_curve(record: Record, settings: IdentificationSettings) -> bool:
     """True where the record's state of charge is known without a curve."""
     try:
-        find_anchors(record, settings.capacity_Ah, None, settings.initial_soc.get(record.log.name))
+        axis_anchors(record, settings.capacity_Ah, None, settings.initial_soc.get(record.log.name))
     except InputError:
         return False
     return True

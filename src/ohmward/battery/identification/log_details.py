@@ -45,7 +45,7 @@ class Edge(NamedTuple):
     resistance_ohm: float  #: dV / dI
 
 
-class OhmicResistance(NamedTuple):
+class EdgeResistance(NamedTuple):
     """R_0 of one direction from all its edges: weighted mean [ohm], its standard error, the number of edges."""
 
     ohm: float
@@ -69,7 +69,7 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
     return tuple(Edge(s, step, larger, step_of_V / step) for s, step, larger, step_of_V in columns.tolist())
 
 
-def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
+def edge_resistance(edges: Sequence[Edge], direction: int) -> EdgeResistance | None:
     """R_0 in discharge (direction -1) or charge (1): least squares of dV over dI, or None from fewer than 3 edges."""
     mine = [e for e in edges if np.sign(e.current_A) == direction]
     if len(mine) < _FEWEST_EDGES:
@@ -79,12 +79,12 @@ def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance |
     weight = step_A**2 / np.sum(step_A**2)
     mean = float(weight @ ohm)
     variance = np.sum(weight**2 * (ohm - mean) ** 2)
-    return OhmicResistance(mean, float(np.sqrt(variance)), len(mine))
+    return EdgeResistance(mean, float(np.sqrt(variance)), len(mine))
 
 
 def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
     """Notes on R_0 of each direction from its edges, to compare with the fit."""
-    found = {word: ohmic_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
+    found = {word: edge_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
     return tuple(
         Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} ± {1e3 * BAND_95 * r.std_ohm:.2g} mohm in {word}")
         for word, r in found.items()

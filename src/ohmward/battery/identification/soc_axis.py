@@ -97,7 +97,7 @@ def anchor_soc(
     Raises:
         InputError: nothing shows the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
     """
-    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std, empty_V)
+    anchors = axis_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std, empty_V)
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
@@ -108,7 +108,7 @@ def anchor_soc(
     return axis._replace(notes=notes)
 
 
-def find_anchors(
+def axis_anchors(
     record: Record,
     capacity_Ah: float,
     ocv: OcvCurve | None,
