@@ -169,7 +169,10 @@ def _way(settings: PoseFilter) -> np.ndarray:
         rows.append(_row(settings.no_sample()._replace(robot=sample)))
     samples = np.array(rows)
     gyro = 1 + len(sample.wheel_speed_rad_s) + driven
-    samples[10, 1], samples[14, gyro], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
+    samples[10, 1] = math.nan
+    samples[14, gyro] = math.inf
+    samples[18, 0] = -1.0
+    samples[22, 0] = 5.0
     return samples
 
 

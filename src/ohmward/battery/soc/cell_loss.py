@@ -21,7 +21,8 @@ class CellLoss:
     """
 
     def __init__(self, battery: Battery):
-        self._n, self._ohm, self.lost = int(battery.n_series), battery.thevenin.largest_ohm, 0
+        self._n, self._ohm = int(battery.n_series), battery.thevenin.largest_ohm
+        self.lost = 0
         self._time_s = self._current_A = self._voltage_V = math.nan  # of the last sample that is not suspected
         self._began_s, self._suspected = math.nan, 0
 

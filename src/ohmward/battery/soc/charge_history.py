@@ -64,8 +64,9 @@ class ChargeMemory(NamedTuple):
 
     def after(self, time_s: float, estimate: SocEstimate) -> ChargeMemory:
         """The memory after an estimate."""
-        soc, std, begins = float(estimate.soc), float(estimate.soc_std), math.isnan(self.start_s)
-        full, diverged = is_full(soc, std), bool(int(estimate.flags) & _DIVERGED)
+        soc, std = float(estimate.soc), float(estimate.soc_std)
+        begins, diverged = math.isnan(self.start_s), bool(int(estimate.flags) & _DIVERGED)
+        full = is_full(soc, std)
         if not (full or begins or diverged):
             return self
         here = self._replace(anchor_s=time_s, soc=soc, std=std, start_s=time_s if begins else self.start_s)
@@ -79,9 +80,11 @@ class ChargeMemory(NamedTuple):
         diverged = (estimates.flags.astype(np.int32) & np.int32(SocFlag.DIVERGED)) > 0
         if not len(full):
             return self
-        lasts = {len(full) - 1 - int(np.argmax(happened[::-1])) for happened in (full, diverged) if happened.any()}
+        rows = {0}
+        for happened in (full, diverged):
+            rows.update(np.flatnonzero(happened)[-1:].tolist())
         memory = ChargeMemory() if time_s[0] < self.anchor_s else self  # times before the clock was set do not count
-        for row in sorted({0} | lasts):
+        for row in sorted(rows):
             here = {name: getattr(estimates, name)[row] for name in ("soc", "soc_std", "flags")}
             memory = memory.after(float(time_s[row]), estimates._replace(**here))
         return memory

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,14 +50,10 @@ class Comparison(RichDisplay):
 
     def soc_rms_differences(self) -> dict[str, dict[str, float]]:
         """Root mean square difference of the state of charge between every two estimators."""
-        return {
-            name: {
-                other: float(np.sqrt(np.mean((one.soc - two.soc) ** 2)))
-                for other, two in self.runs.items()
-                if other != name
-            }
-            for name, one in self.runs.items()
-        }
+        differences: dict[str, dict[str, float]] = {name: {} for name in self.runs}
+        for (name, one), (other, two) in permutations(self.runs.items(), 2):
+            differences[name][other] = float(np.sqrt(np.mean((one.soc - two.soc) ** 2)))
+        return differences
 
     def to_pandas(self) -> DataFrame:
         """A row for each estimator, the best first where the truth is known; see `figures`.

@@ -211,5 +211,6 @@ def _steps_over_silences(samples: SocSample, innovation_V: np.ndarray, m: Theven
     means_V = np.cumsum(innovation_V[rows[after]], axis=1) / np.arange(1, MOST_AFTER + 1)
     away_V = np.abs(means_V - innovation_V[rows[silent - 1]][:, None])[:, FEWEST_AFTER - 1 :]
     stepped = silent[(away_V > least_V).any(axis=1)]
+    begins = np.maximum(rows[stepped] - FORGETS, 0)
     stops = rows[np.minimum(stepped + MOST_AFTER, rows.size) - 1] + 1
-    return list(zip(np.maximum(rows[stepped] - FORGETS, 0).tolist(), stops.tolist(), strict=True))
+    return list(zip(begins.tolist(), stops.tolist(), strict=True))
