@@ -93,12 +93,8 @@ def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     if x.size <= 4 * columns:
         return np.arange(x.size)
     edges = np.unique(column_edges(x, columns))
-    samples = []
-    for k in range(0, edges.size - 1, _COLUMNS_AT_ONCE):
-        block = edges[k : k + _COLUMNS_AT_ONCE + 1]
-        first, stop = block[0], block[-1]
-        samples.append(first + _column_samples(y[first:stop], block - first))
-    return np.concatenate(samples)
+    blocks = (edges[k : k + _COLUMNS_AT_ONCE + 1] for k in range(0, edges.size - 1, _COLUMNS_AT_ONCE))
+    return np.concatenate([block[0] + _column_samples(y[block[0] : block[-1]], block - block[0]) for block in blocks])
 
 
 def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -153,8 +149,8 @@ def _column_samples(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Indices of the first, last, lowest and highest sample and the first gap of each column; edges: (columns + 1,)."""
     gap = np.isnan(y)
     column = np.repeat(np.arange(edges.size - 1), np.diff(edges))
-    lowest, highest = np.fmin.reduceat(y, edges[:-1]), np.fmax.reduceat(y, edges[:-1])
-    rows = [_firsts(chosen, column) for chosen in (gap, ~gap, y == lowest[column], y == highest[column])]
+    lowest, highest = np.fmin.reduceat(y, edges[:-1])[column], np.fmax.reduceat(y, edges[:-1])[column]
+    rows = [_firsts(chosen, column) for chosen in (gap, ~gap, y == lowest, y == highest)]
     known = np.flatnonzero(~gap)
     rows.append(known[np.diff(column[known], append=-1) != 0])
     return np.unique(np.concatenate(rows))
