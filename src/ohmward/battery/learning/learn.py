@@ -288,11 +288,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
 
 def _best_start(problem: PartProblem) -> np.ndarray:
     """The start of the search that leads to the highest mode."""
-    candidates = []
-    for soc in likely_starts(problem.model, problem.prior.mean, problem.anchors):
-        x = problem.prior.mean.copy()
-        x[problem.model.unknowns.group("start soc")] = soc
-        candidates.append(x)
+    candidates = likely_starts(problem.model, problem.prior.mean, problem.anchors)
     if len(candidates) == 1:
         return candidates[0]
     tried = [solve(problem.coarse(x, _COARSE), x, _FEW_STEPS) for x in candidates]

@@ -104,8 +104,8 @@ _CLEAR = 60.0
 _SLOPE_STEP, _BOUND_WIDTH, _LEAST_CURVE_V2 = 0.005, 0.05, 1e-12
 
 
-def likely_starts(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> list[float]:
-    """States of charge at the start, the most likely first, with all other unknowns as in x (n,)."""
+def likely_starts(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> list[np.ndarray]:
+    """Unknowns (n,) with the likely states of charge at the start, the most likely first, all others as in x (n,)."""
     rows = model.rows[:: max(1, model.rows.size // _COARSE_ROWS)]
     coarse = VoltageModel(model.battery, model.samples, rows)
     costs = _costs(coarse, x, anchors)
@@ -113,7 +113,9 @@ def likely_starts(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAncho
     lower_than_after = np.concatenate([costs[:-1] <= costs[1:], [True]])
     minima = np.flatnonzero(lower_than_before & lower_than_after & (costs < costs.min() + _CLEAR))
     best = minima[np.argsort(costs[minima])][:_MOST_STARTS]
-    return [float(_GRID[k]) for k in best]
+    starts = np.tile(x, (best.size, 1))
+    starts[:, model.unknowns.group("start soc")] = _GRID[best, None]
+    return list(starts)
 
 
 def _costs(model: VoltageModel, x: np.ndarray, anchors: Sequence[SocAnchor]) -> np.ndarray:

@@ -171,8 +171,8 @@ _LEAST_PAIR_SHARE = 5e-4
 _HYSTERESIS_STEP = 0.5
 
 
-class VoltagePrediction(NamedTuple):
-    """Voltage and SoC in the rows of a part."""
+class VoltageInRows(NamedTuple):
+    """Voltage in the rows of a part, and its charge."""
 
     soc: np.ndarray  #: (N,) charge c, SoC by the capacity of the file
     voltage_V: np.ndarray  #: (N,)
@@ -220,18 +220,18 @@ class VoltageModel:
         """Indices of the first sample of each segment, the start of the part and after every gap."""
         return np.concatenate([[0], self.samples.gaps]).astype(int)
 
-    def predict(self, x: np.ndarray) -> VoltagePrediction:
+    def predict(self, x: np.ndarray) -> VoltageInRows:
         """Voltage in the rows with the unknowns x (K + M,), and its derivatives."""
-        K, rows = self.parameters.size, self.rows
-        there = self.circuit(x) if self.about is None else self.about.at(x)
-        soc, degC = there.charge.charge[rows], self.samples.temperature_degC[rows]
+        K = self.parameters.size
+        there = self.circuit(x) if self.about is None else self.about.at(x, self.rows)
+        soc, degC = there.soc, self.samples.temperature_degC[self.rows]
         curve = OpenCircuit(self.battery, x[:K], self.parameters)
-        columns = there.columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(rows)
+        columns = there.voltage_columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(self.rows)
         columns[:, :K] += curve.columns(soc, degC)
         misfit = self.unknowns.group("misfit")
         columns[:, misfit] = hat(soc, MISFIT_KNOTS)
         voltage_V = curve.at(soc, degC) + there.voltage_V + columns[:, misfit] @ x[misfit]
-        return VoltagePrediction(soc, voltage_V, there.over_V2, columns, there.charge)
+        return there._replace(voltage_V=voltage_V, voltage_columns=columns)
 
     def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
         """The model with every `every`-th row, its circuit linear about x: much quicker."""
@@ -269,8 +269,8 @@ class VoltageModel:
         """Places of the corrections of the circuit among the unknowns; an offset is the last of them."""
         return self.parameters.places(*Corrections._fields)
 
-    def circuit(self, x: np.ndarray) -> CircuitInRows:
-        """The circuit along the part, with the derivatives of its voltage in the rows."""
+    def circuit(self, x: np.ndarray) -> VoltageInRows:
+        """Voltage of the circuit without its curve: overpotentials and hysteresis."""
         # the slope of the hysteresis at the starts is that between one below and one above the most likely one
         group = self.unknowns.group("start hysteresis")
         middle = x[group] if x[group].size else np.zeros(self.starts.size)
@@ -280,11 +280,12 @@ class VoltageModel:
         theta[: self.places.size] = x[self.places]
         (soc,) = x[self.unknowns.group("start soc")]
         along = self.sensitive.along(theta, soc, self._circuit_samples(x, start_h))
-        return CircuitInRows(
-            charge=ChargeAlong(self, x, along.soc, along.soc_columns),
+        return VoltageInRows(
+            soc=along.soc[self.rows],
             voltage_V=along.voltage_V[self.rows],
             over_V2=along.over_V2[self.rows],
-            columns=self._columns(x, along, high - low),
+            voltage_columns=self._columns(x, along, high - low),
+            charge=ChargeAlong(self, x, along.soc, along.soc_columns),
         )
 
     def _circuit_samples(self, x: np.ndarray, hysteresis: np.ndarray) -> CircuitSample:
@@ -374,29 +375,22 @@ class ChargeAlong(NamedTuple):
         return columns
 
 
-class CircuitInRows(NamedTuple):
-    """Charge along a part, and the voltage of the circuit without its curve in the rows."""
-
-    charge: ChargeAlong
-    voltage_V: np.ndarray  #: (N,) overpotentials and hysteresis
-    over_V2: np.ndarray  #: (N,) sum of the squares of the overpotentials [V^2]
-    columns: np.ndarray  #: (N, K + M) derivatives of the voltage
-
-
 class LinearCircuit(NamedTuple):
     """Charge and voltage of the circuit as linear functions of the unknowns about x."""
 
     x: np.ndarray
-    circuit: CircuitInRows
+    circuit: VoltageInRows
     moving: np.ndarray  #: places of the unknowns on which the charge depends
     charge_columns: np.ndarray  #: its derivatives by these at every sample
 
-    def at(self, x: np.ndarray) -> CircuitInRows:
-        """Both at other unknowns."""
+    def at(self, x: np.ndarray, rows: np.ndarray) -> VoltageInRows:
+        """Both at other unknowns; rows: those of the model."""
         there, step = self.circuit, x - self.x
         charge = there.charge.charge + self.charge_columns @ step[self.moving]
         return there._replace(
-            charge=there.charge._replace(x=x, charge=charge), voltage_V=there.voltage_V + there.columns @ step
+            soc=charge[rows],
+            voltage_V=there.voltage_V + there.voltage_columns @ step,
+            charge=there.charge._replace(x=x, charge=charge),
         )
 
 
