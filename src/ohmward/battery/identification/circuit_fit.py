@@ -193,10 +193,16 @@ def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None]) -> 
     The evidence of a fit is its score, minus twice the log of the marginal likelihood.
     """
     two = fit_circuit(problem, 2, lambda s: progress(_FIRST * s))
-    three = fit_circuit(problem, 3, lambda s: progress(_FIRST + (_SECOND - _FIRST) * s), _with_one_more(two))
+    rates = two.solution.rates
+    fast_s, slow_s = rates.tau_s
+    between_s = float(np.sqrt(fast_s * slow_s))
+    of_three = [(fast_s, between_s, slow_s), (_FASTER * fast_s, fast_s, slow_s), (fast_s, slow_s, slow_s / _FASTER)]
+    near = [rates._replace(tau_s=tau_s) for tau_s in of_three]
+    three = fit_circuit(problem, 3, lambda s: progress(_FIRST + (_SECOND - _FIRST) * s), near)
     fits, chosen = {2: two, 3: three}, 3
     if not _speaks_for(three, two):
-        fits[1] = fit_circuit(problem, 1, lambda s: progress(_SECOND + (1 - _SECOND) * s), _with_one_less(two))
+        near = [rates._replace(tau_s=(tau_s,)) for tau_s in (fast_s, between_s, slow_s)]
+        fits[1] = fit_circuit(problem, 1, lambda s: progress(_SECOND + (1 - _SECOND) * s), near)
         chosen = 2 if _speaks_for(two, fits[1]) else 1
     progress(1.0)
     return fits[chosen], _note(chosen, fits)
@@ -205,23 +211,6 @@ def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None]) -> 
 def _speaks_for(more: CircuitFit, fewer: CircuitFit) -> bool:
     """True where the evidence for the circuit with more pairs is strong."""
     return fewer.solution.score - more.solution.score > _STRONG_EVIDENCE
-
-
-def _with_one_more(two: CircuitFit) -> tuple[Rates, ...]:
-    """Rates of three pairs to start from: the two that were found, and one between, below or above them."""
-    rates = two.solution.rates
-    fast_s, slow_s = rates.tau_s
-    between_s = float(np.sqrt(fast_s * slow_s))
-    candidates = [(fast_s, between_s, slow_s), (_FASTER * fast_s, fast_s, slow_s), (fast_s, slow_s, slow_s / _FASTER)]
-    return tuple(rates._replace(tau_s=tau_s) for tau_s in candidates)
-
-
-def _with_one_less(two: CircuitFit) -> tuple[Rates, ...]:
-    """Rates of one pair to start from: either of the two that were found, or one between."""
-    rates = two.solution.rates
-    fast_s, slow_s = rates.tau_s
-    between_s = float(np.sqrt(fast_s * slow_s))
-    return tuple(rates._replace(tau_s=(tau_s,)) for tau_s in (fast_s, between_s, slow_s))
 
 
 def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:

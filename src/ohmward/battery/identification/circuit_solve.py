@@ -171,26 +171,36 @@ class CircuitProblem:
         """Voltage of the battery over that of a lithium-ion cell."""
         return float(np.nanmean(np.concatenate([s.voltage_V for s in self.samples]))) / CELL_V
 
-    @cached_property
-    def targets_V(self) -> np.ndarray:
-        """(M,) measured voltage of all records less the OCV curve; 0 where there is no voltage, which has no weight."""
-        return np.concatenate([_target(self, s) for s in self.records])
-
-    @cached_property
-    def std_V(self) -> np.ndarray:
-        """(M,) standard deviation of each sample."""
-        return np.concatenate([_std_V(self, s) for s in self.records])
-
-    @cached_property
-    def weights(self) -> np.ndarray:
-        """(M,) number of samples that each counts as: those within 60 s share one error, one without a voltage none."""
-        shares = [np.minimum(s.dt_s, CORRELATION_S) / CORRELATION_S for s in self.records]
-        return np.where(self.measured, np.concatenate(shares), 0.0)
+    def joined(self, column: str) -> np.ndarray:
+        """(M,) column of all records."""
+        return np.concatenate([getattr(s, column) for s in self.records])
 
     @cached_property
     def measured(self) -> np.ndarray:
         """(M,) bool: samples with a voltage."""
-        return np.concatenate([np.isfinite(s.voltage_V) for s in self.records])
+        return np.isfinite(self.joined("voltage_V"))
+
+    @cached_property
+    def targets_V(self) -> np.ndarray:
+        """(M,) measured voltage less the OCV curve; 0 where there is no voltage, which has no weight."""
+        ocv_V = np.asarray(self.ocv.mean_V(self.joined("soc"), self.joined("temperature_degC")))
+        return np.where(self.measured, self.joined("voltage_V") - ocv_V, 0.0)
+
+    @cached_property
+    def std_V(self) -> np.ndarray:
+        """(M,) standard deviation of a sample, larger in and after a charge where its reaction is another one."""
+        soc = self.joined("soc")
+        slope_V = (self.ocv.mean_V(soc + _DSOC, ROOM_DEGC) - self.ocv.mean_V(soc - _DSOC, ROOM_DEGC)) / (2 * _DSOC)
+        white_V = VOLTAGE_STD_V * self.volts
+        variance_V2 = voltage_variance(white_V, _OVERPOTENTIAL_SHARE, self.targets_V**2, slope_V)
+        factor = np.concatenate([error_factor(self.prior, s) for s in self.records])
+        return np.asarray(factor * np.sqrt(variance_V2))
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """(M,) number of samples that each counts as: those within 60 s share one error, one without a voltage none."""
+        share = np.minimum(self.joined("dt_s"), CORRELATION_S) / CORRELATION_S
+        return np.where(self.measured, share, 0.0)
 
 
 @cache
@@ -322,22 +332,6 @@ def solve(
     residual_V = tuple(of_records_V[: len(problem.samples)])
     of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
     return CircuitSolution(unknowns, rates, x, rows, prior, residual_V, of_prior)
-
-
-def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
-    """(N,) measured voltage less the OCV curve; 0 where there is no voltage, which has no weight."""
-    ocv_V = np.asarray(problem.ocv.mean_V(samples.soc, samples.temperature_degC))
-    return np.where(np.isfinite(samples.voltage_V), samples.voltage_V - ocv_V, 0.0)
-
-
-def _std_V(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
-    """(N,) standard deviation of a sample, larger in and after a charge where the prior has a different reaction."""
-    above_V = problem.ocv.mean_V(samples.soc + _DSOC, ROOM_DEGC)
-    below_V = problem.ocv.mean_V(samples.soc - _DSOC, ROOM_DEGC)
-    slope_V = (above_V - below_V) / (2 * _DSOC)
-    over_V2 = _target(problem, samples) ** 2
-    variance_V2 = voltage_variance(VOLTAGE_STD_V * problem.volts, _OVERPOTENTIAL_SHARE, over_V2, slope_V)
-    return np.asarray(error_factor(problem.prior, samples) * np.sqrt(variance_V2))
 
 
 def error_factor(prior: ChemistryPrior, samples: FitSamples) -> np.ndarray:

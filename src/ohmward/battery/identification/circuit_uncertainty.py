@@ -236,41 +236,31 @@ def _branch(problem: CircuitProblem, p: Thevenin) -> np.ndarray:
 def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
     """Sentences on the values taken from the chemistry `chemistry`, "" for an unknown one."""
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
-    return (*_hysteresis(problem, kind), *_activation(problem, kind), *_ocv_temperature(fit, problem, kind))
-
-
-def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
-    if any(problem.ocv.hysteresis_V):
-        return []
-    half_mV, factor = 1e3 * usual_hysteresis_V(problem), np.exp(BAND_95 * _UNTESTED_HYSTERESIS_STD)
-    return [
-        f"hysteresis: needs a low-rate discharge and a low-rate charge; {half_mV:.2g} mV was assumed beside the tested "
-        f"branch, right within a factor of {factor:.1f} (95 %), as usual for {kind}"
-    ]
-
-
-def _activation(problem: CircuitProblem, kind: str) -> list[str]:
+    sentences = []
+    if not any(problem.ocv.hysteresis_V):
+        half_mV, factor = 1e3 * usual_hysteresis_V(problem), np.exp(BAND_95 * _UNTESTED_HYSTERESIS_STD)
+        sentences.append(
+            f"hysteresis: needs a low-rate discharge and a low-rate charge; {half_mV:.2g} mV was assumed beside the "
+            f"tested branch, right within a factor of {factor:.1f} (95 %), as usual for {kind}"
+        )
     if problem.fit_activation:
-        return []
+        return tuple(sentences)
     prior = problem.prior
     ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
     empty_K, empty_half_K = prior.empty_activation_K.mean, BAND_95 * prior.empty_activation_K.std
     more = f"{empty_K:.0f} ± {empty_half_K:.0f} K more" if empty_K else f"a further ± {empty_half_K:.0f} K"
-    return [
+    sentences.append(
         f"activation: currents flowed at {load_temperature(problem.samples)} only, so how the resistances change with "
         f"temperature was assumed as usual for {kind}: {ohmic} (R0), {pairs} (RC pairs) and {tau} (time constants), "
         f"each ± {BAND_95 * prior.activation_std_K:.0f} K; the RC pairs of an empty battery have {more} (95 %)"
-    ]
-
-
-def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> list[str]:
-    if problem.fit_activation or any(problem.ocv.temperature_V_per_K):
-        return []
-    half_mV = 1e3 * BAND_95 * ocv_std_V_per_K(fit, problem)
-    return [
-        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {half_mV:.2g} mV/K (95 %) was "
-        f"assumed, as usual for {kind}"
-    ]
+    )
+    if not any(problem.ocv.temperature_V_per_K):
+        half_mV = 1e3 * BAND_95 * ocv_std_V_per_K(fit, problem)
+        sentences.append(
+            f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {half_mV:.2g} mV/K (95 %) "
+            f"was assumed, as usual for {kind}"
+        )
+    return tuple(sentences)
 
 
 class LoadTemperature(NamedTuple):
