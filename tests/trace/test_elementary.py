@@ -140,3 +140,8 @@ def test_numbers_taken_apart_and_put_together():
         e = OPERATIONS["exponent"].compute(x)
         scale = OPERATIONS["power_of_two"].compute(e)
         assert e.is_integer() and scale <= x < 2.0 * scale
+
+
+def test_a_program_is_expanded_once_for_each_precision():
+    program = trace(lambda x: x.exp(), 1.0)
+    assert expand(program, F32) is expand(program, F32) is not expand(program, F64)

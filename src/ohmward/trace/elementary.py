@@ -99,7 +99,13 @@ PRECISIONS = {p.name: p for p in (F64, F32)}
 
 
 def expand(program: Program, precision: Precision) -> Program:
-    """The program with elementary functions replaced by their polynomials."""
+    """The program with elementary functions replaced by their polynomials, made once for each precision."""
+    if precision.name not in program.expansions:
+        program.expansions[precision.name] = _expansion(program, precision)
+    return program.expansions[precision.name]
+
+
+def _expansion(program: Program, precision: Precision) -> Program:
     new: dict[int, Scalar] = {symbol.serial: symbol for symbol in program.inputs}
 
     def expanded(x: Any) -> Any:

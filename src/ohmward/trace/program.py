@@ -40,6 +40,11 @@ class Program:
     name: str  #:     name of the traced function
     origins: OriginRecorder | None = None  #: where its values come from, if that was recorded
 
+    @cached_property
+    def expansions(self) -> dict[str, "Program"]:
+        """The program without elementary functions by the name of a precision, see `elementary.expand`."""
+        return {}
+
     @property
     def operations(self) -> Counter[str]:
         """Number of operations of each kind in one run."""

@@ -57,7 +57,7 @@ class MachineStep:
         step._compiled[1, (False,) * step.columns] = code
         return step
 
-    @cached_property
+    @property
     def expanded(self) -> Program:
         """The program without exp, log and the like."""
         return expand(self.program, PRECISIONS[self.precision])
