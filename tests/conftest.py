@@ -38,6 +38,14 @@ def short_drives(monkeypatch):
     monkeypatch.setattr(closed_loop, "find_scenario", short)
 
 
+@pytest.fixture
+def quickly_compiled(monkeypatch):
+    """Twins without the compiler's optimisation, which takes seconds for large filters; the bits are the same."""
+    from ohmward.embedded import twin
+
+    monkeypatch.setattr(twin, "FLAGS", tuple(flag.replace("-O2", "-O0") for flag in twin.FLAGS))
+
+
 @pytest.fixture(scope="module")
 def browser():
     """Chromium, or a skip. Not for the session: while it runs, no other test can run an event loop."""

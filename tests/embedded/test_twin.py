@@ -64,6 +64,7 @@ def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path)
     np.testing.assert_array_equal(found, columns.T.astype(np.float32))
 
 
+@pytest.mark.usefixtures("quickly_compiled")
 @pytest.mark.parametrize("soc", [0.25, math.nan])
 def test_the_start_is_that_of_the_program(soc, tmp_path):
     export = soc_export("ekf")
@@ -125,6 +126,7 @@ def test_the_example_is_what_it_was_exported_with(tmp_path):
     assert copy.example == {"soc": 0.625, "soc_std": 1e-05}
 
 
+@pytest.mark.usefixtures("quickly_compiled")
 def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):
     export = soc_export("ekf")
     log = a_log(300)
@@ -224,6 +226,7 @@ def test_the_makefile_of_the_library_compiles_the_same_arithmetic():
         assert flag in files["CMakeLists.txt"] or not flag.startswith("-f")
 
 
+@pytest.mark.usefixtures("quickly_compiled")
 def test_structs_have_as_many_numbers_as_the_program(tmp_path):
     export = soc_export("ekf")
     copy = made(export, tmp_path)

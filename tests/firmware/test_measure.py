@@ -60,13 +60,17 @@ def test_an_unknown_start_comes_from_the_first_voltage_there_too():
 
 
 @needs_tools
+@pytest.mark.usefixtures("quickly_compiled")
 @pytest.mark.parametrize(
     "export",
-    [controller_export(RLMA, "slip-controller", "filter"), observer_export(RLMA, hard_terrain("dry asphalt"), "ekf")],
+    [
+        lambda: controller_export(RLMA, "slip-controller", "filter"),
+        lambda: observer_export(RLMA, hard_terrain("dry asphalt"), "ekf"),
+    ],
     ids=["controller", "observer"],
 )
 def test_the_traction_half_runs_there_too(export):
-    found = first(measure.Case("traction", export))
+    found = first(measure.Case("traction", export()), option="-O1")
     assert found.wrong == 0 and found.answer.vectors.steps == 64 and found.answer.log.steps == 0
 
 
