@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +190,10 @@ def test_an_interrupt_ends_all_processes_without_a_traceback(folder):
         os.link(folder / "logs" / "robot0.csv", folder / "logs" / f"more{k}.csv")
     words = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml"), "--processes", "2"]
     command = [sys.executable, "-m", "ohmward", *words, "-o", str(folder / "out")]
-    run = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    # a suite that a script has started in the background ignores interrupts, and its processes would inherit that
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
+    run = subprocess.Popen(command, **pipes, text=True, start_new_session=True, preexec_fn=heed)
     while not (folder / "out" / "progress.jsonl").exists():
         assert run.poll() is None
         time.sleep(0.01)
