@@ -39,6 +39,12 @@ def short_drives(monkeypatch):
 
 
 @pytest.fixture
+def in_python(monkeypatch):
+    """Estimators in Python: the samples of a short test take less time than the compilation of a step, a second."""
+    monkeypatch.setenv("OHMWARD_LOWERING", "python")
+
+
+@pytest.fixture
 def quickly_compiled(monkeypatch):
     """Twins without the compiler's optimisation, which takes seconds for large filters; the bits are the same."""
     from ohmward.embedded import twin

@@ -30,6 +30,7 @@ def test_resistance_falls_with_capacity_and_grows_with_cells(name):
     assert large.ocv.voltage_V[-1] == pytest.approx(3 * small.ocv.voltage_V[-1])
 
 
+@pytest.mark.usefixtures("in_python")
 @pytest.mark.parametrize("name", CHEMISTRIES)
 def test_a_label_doubts_where_its_charger_stops(name):
     noise, known = start_noise(name), CHEMISTRIES[name]

@@ -129,6 +129,7 @@ def test_a_long_absence_widens_and_keeps_what_the_voltage_does_not_contradict(ba
     assert state.battery.soc == pytest.approx(charge.soc, abs=2 * state.battery.soc_std)
 
 
+@pytest.mark.usefixtures("in_python")
 @pytest.mark.parametrize(("error_V", "learns"), [(-0.01, False), (0.01, False), (-0.01, True)])
 def test_many_restarts_tell_no_more_than_none(error_V, learns):
     """Uses of 20 s on a plateau, cells that are 10 mV off the curve, and an hour switched off between.
@@ -393,6 +394,7 @@ def test_a_cutoff_stays_where_a_drive_goes_on_after_a_restart(battery):
         assert after.range and after.range.settings.cutoff_V == 12.8
 
 
+@pytest.mark.usefixtures("in_python")
 def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
     given = tmp_path / "given.toml"
     save_battery(battery, given)

@@ -71,6 +71,7 @@ def test_a_message_that_is_later_is_left_out_and_counted():
     assert inbox.left_out == 1
 
 
+@pytest.mark.usefixtures("in_python")
 def test_live_samples_of_the_inbox_are_a_run_on_the_log_of_the_same_messages():
     samples, _ = samples_of(arriving_late(messages(), 0.03), delay_s=0.03)
     live = SlipEstimator("rlma", terrain="gravel")

@@ -186,6 +186,7 @@ def test_the_identity_is_that_of_equal_settings():
     assert snapshot.identity(again) == snapshot.identity(ESTIMATORS["ekf"])
 
 
+@pytest.mark.usefixtures("in_python")
 @pytest.mark.parametrize("chemistry", ["nmc", "lfp", "lead-acid"])
 def test_a_snapshot_fits_the_battery_that_was_saved_beside_it(tmp_path, chemistry):
     battery = generic_battery(chemistry, capacity_Ah=10.0 / 3.0, n_series=7)

@@ -100,6 +100,7 @@ def test_beyond_the_curve_is_full_or_empty():
 ENDS = {"lfp": (3.6, 2.2), "nmc": (4.2, 2.7), "nca": (4.2, 2.7), "lead-acid": (2.25, 1.75)}
 
 
+@pytest.mark.usefixtures("in_python")
 @pytest.mark.parametrize("chemistry", ENDS)
 def test_a_label_knows_full_and_empty_by_its_voltage(chemistry):
     """Little is known of a label's knee at empty, but a curve that ascends cannot reach full there."""

@@ -64,6 +64,7 @@ def driven(current_A, seconds=6.0):
     return DriveLog("two", t, wheels, np.tile(current_A, (t.size, 1)), gyro), truth[:, :2]
 
 
+@pytest.mark.usefixtures("in_python")
 def test_its_speed_is_observed():
     log, truth = driven((0.35, 0.36))
     found = observe(make_observer(ROBOT, log, FLOOR).observer, log).estimates

@@ -181,6 +181,7 @@ def unforced(robot, steps=60, hz=20.0):
     return DriveLog("unforced", time_s, wheels, nothing, yaw_rate_rad_s=gyro)
 
 
+@pytest.mark.usefixtures("in_python")
 @pytest.mark.parametrize("robot", [RLMA, MECANUM, SCRUBBING], ids=["differential", "mecanum", "skid-steer"])
 def test_without_motor_currents_speed_and_slip_are_those_of_the_odometry(robot):
     log = unforced(robot)
@@ -210,6 +211,7 @@ def test_the_first_motor_current_ends_the_estimate_by_the_odometry():
     assert_array_equal(same, log.time_s >= 1.5)
 
 
+@pytest.mark.usefixtures("in_python")
 def test_without_motor_currents_a_restart_and_a_copy_go_on_to_the_bit():
     samples = rows(samples_of(unforced(RLMA), RLMA))
     before = SlipEstimator(RLMA, filter="ekf")
