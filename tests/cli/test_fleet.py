@@ -192,8 +192,14 @@ def test_an_interrupt_ends_all_processes_without_a_traceback(folder):
     command = [sys.executable, "-m", "ohmward", *words, "-o", str(folder / "out")]
     # a suite that a script has started in the background ignores interrupts, and its processes would inherit that
     heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
-    run = subprocess.Popen(command, **pipes, text=True, start_new_session=True, preexec_fn=heed)
+    run = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=heed,
+    )
     while not (folder / "out" / "progress.jsonl").exists():
         assert run.poll() is None
         time.sleep(0.01)
