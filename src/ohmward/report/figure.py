@@ -155,12 +155,12 @@ def _column_samples(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
     gap = np.isnan(y)
     column = np.repeat(np.arange(edges.size - 1), np.diff(edges))
     lowest, highest = np.fmin.reduceat(y, edges[:-1])[column], np.fmax.reduceat(y, edges[:-1])[column]
-    kept = np.zeros(y.size, dtype=bool)
+    drawn = np.zeros(y.size, dtype=bool)
     for chosen in (gap, ~gap, y == lowest, y == highest):
-        kept[_firsts(chosen, column)] = True
+        drawn[_firsts(chosen, column)] = True
     known = np.flatnonzero(~gap)
-    kept[known[np.diff(column[known], append=-1) != 0]] = True
-    return np.flatnonzero(kept)
+    drawn[known[np.diff(column[known], append=-1) != 0]] = True
+    return np.flatnonzero(drawn)
 
 
 def _firsts(chosen: np.ndarray, column: np.ndarray) -> np.ndarray:
