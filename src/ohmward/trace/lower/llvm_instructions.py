@@ -153,6 +153,12 @@ class Instructions:
         words = ", ".join(f"{t.removesuffix(' immarg')} {self.word(x)}" for t, x in arguments)
         return f"  {result} = call {kind} @{function}({words})"
 
+    def reduced(self, result: str, flags: str) -> str:
+        """True where the flags of all lanes are."""
+        kind, function = self.target.flag, f"llvm.vector.reduce.and.v{self.target.width}i1"
+        self.declarations.add(f"declare i1 @{function}({kind})")
+        return f"  {result} = call i1 @{function}({kind} {flags})"
+
     def table(self, values: tuple[float, ...]) -> str:
         """Name of the global that holds a table."""
         if values not in self._tables:

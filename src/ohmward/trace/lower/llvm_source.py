@@ -15,13 +15,14 @@ Memory holds doubles, whatever the arithmetic. Conditions are 0.0 and 1.0 there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
 from typing import Any
 
 from ohmward.trace.expression import Expression, is_condition
 from ohmward.trace.lower.llvm_instructions import Instructions, Target
 from ohmward.trace.lower.llvm_operations import SPELLINGS, spell
 from ohmward.trace.lower.packs import Key, Pack, Packs, is_one, key_of
+from ohmward.trace.lower.repeats import repeats_of
 from ohmward.trace.program import Program
 
 #: Arguments of every generated function.
@@ -62,6 +63,8 @@ class _LogLoop:
         columns = enumerate(program.inputs[state_size:])
         self.columns = [(j, symbol) for j, symbol in columns if symbol.serial in program.used]
         self.results = list(enumerate(program.outputs[state_size:]))
+        self.repeats = repeats_of(program, self.packed_serials())
+        self.end = "step"  # the block with which a step ends
 
     def function(self, name: str) -> Iterator[str]:
         """Blocks of lanes, steps of time, and the program within."""
@@ -70,6 +73,7 @@ class _LogLoop:
         yield f"define void @{name}({ARGUMENTS}) {{"
         yield "entry:"
         yield from self.arrays()
+        yield from self.places()
         yield "  br label %block"
         yield "block:"
         yield "  %l = phi i64 [%lane, %entry], [%l1, %done]"
@@ -81,7 +85,7 @@ class _LogLoop:
         yield from self.load_state()
         yield "  br label %test"
         yield "test:"
-        yield "  %t = phi i64 [%first, %load], [%t1, %step]"
+        yield f"  %t = phi i64 [%first, %load], [%t1, %{self.end}]"
         yield from state_phis
         yield "  %go = icmp slt i64 %t, %last"
         yield "  br i1 %go, label %step, label %done"
@@ -102,15 +106,22 @@ class _LogLoop:
         self.write.words |= {symbol.serial: f"%x{k}" for k, symbol in enumerate(self.state)}
         for j, symbol in self.columns:
             yield from self.load_sample(j, symbol)
+        yield from self.repeated()
         for node in self.program.nodes:
-            yield from spell(self.write, node)
+            if node.serial not in self.write.words:
+                yield from spell(self.write, node)
         for j, y in self.results:
             yield from self.store_output(j, y)
+
+    def packed_serials(self) -> Collection[int]:
+        """Serials of the operations that are computed in lanes of a vector."""
+        return ()
 
     def state_phis(self) -> Iterator[str]:
         """The state, from the step before or from memory."""
         for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
-            yield f"  %x{k} = phi {self.write.type_of(symbol)} [%before{k}, %load], [{self.write.word(y)}, %step]"
+            kind, after = self.write.type_of(symbol), self.write.word(y)
+            yield f"  %x{k} = phi {kind} [%before{k}, %load], [{after}, %{self.end}]"
 
     def arrays(self) -> Iterator[str]:
         """Addresses and strides of columns and outputs."""
@@ -120,6 +131,48 @@ class _LogLoop:
         for j, _ in self.results:
             yield from _entry(f"output{j}", "ptr", "outputs", j)
             yield from _entry(f"out{j}", "i64", "out", j)
+
+    # ---- operations that repeat their values
+
+    def places(self) -> Iterator[str]:
+        """Memory for the inputs and results of the operations that may repeat their values."""
+        for j, group in enumerate(self.repeats):
+            for k, x in enumerate((*group.inputs, *group.results)):
+                yield f"  %stored{j}.{k} = alloca {self.write.type_of(x)}"
+
+    def repeated(self) -> Iterator[str]:
+        """Operations on a few inputs, which are skipped where those have the bits that they had before."""
+        for j, group in enumerate(self.repeats):
+            same = yield from self.same_inputs(j, group.inputs)
+            yield f"  br i1 {same}, label %repeat{j}, label %compute{j}"
+            yield f"compute{j}:"
+            for node in group.nodes:
+                yield from spell(self.write, node)
+            for k, x in enumerate((*group.inputs, *group.results)):
+                yield f"  store {self.write.type_of(x)} {self.write.word(x)}, ptr %stored{j}.{k}"
+            yield f"  br label %repeat{j}"
+            yield f"repeat{j}:"
+            self.end = f"repeat{j}"
+            for k, x in enumerate(group.results, start=len(group.inputs)):
+                word = self.write.words[x.serial] = self.write.new()
+                yield f"  {word} = load {self.write.type_of(x)}, ptr %stored{j}.{k}"
+
+    def same_inputs(self, j: int, inputs: Sequence[Expression]) -> Generator[str, None, str]:
+        """Name of the condition that a step before has stored these inputs, with the same bits in all lanes."""
+        same = self.write.new()
+        yield f"  {same} = icmp ne i64 %t, %first"
+        for k, x in enumerate(inputs):
+            whole = self.target.flag if x.boolean else self.target.integer
+            before, now, equal, both = (self.write.new() for _ in range(4))
+            yield f"  {before} = load {whole}, ptr %stored{j}.{k}"
+            yield f"  {now} = bitcast {self.write.type_of(x)} {self.write.word(x)} to {whole}"
+            yield f"  {equal} = icmp eq {whole} {before}, {now}"
+            if self.target.width > 1:
+                lanes, equal = equal, self.write.new()
+                yield self.write.reduced(equal, lanes)
+            yield f"  {both} = and i1 {same}, {equal}"
+            same = both
+        return same
 
     # ---- memory
 
@@ -190,8 +243,8 @@ class _PackedLoop(_LogLoop):
     """
 
     def __init__(self, program: Program, state_size: int, target: Target, own: Sequence[bool], packs: Packs):
-        super().__init__(program, state_size, target, own)
         self.packs = packs
+        super().__init__(program, state_size, target, own)
         lanes = len(packs.places[0])
         self.wide = self.write.beside(1 << (lanes - 1).bit_length())
         self.vectors = {key_of(pack): f"%p{j}" for j, pack in enumerate(packs.inputs)}
@@ -203,10 +256,13 @@ class _PackedLoop(_LogLoop):
         self.write.words |= {symbol.serial: f"%x{k}" for k, symbol in alone if k not in self.packed}
         for j, symbol in self.columns:
             yield from self.load_sample(j, symbol)
+        yield from self.single([x for group in self.repeats for x in group.inputs])
+        yield from self.repeated()
         for vertex in self.packs.order or ():
             if isinstance(vertex, Expression):
-                yield from self.single(vertex.args)
-                yield from spell(self.write, vertex)
+                if vertex.serial not in self.write.words:
+                    yield from self.single(vertex.args)
+                    yield from spell(self.write, vertex)
             else:
                 yield from self.operation(vertex)
         for y in [*(y for k, y in enumerate(self.after) if k not in self.packed), *(y for _, y in self.results)]:
@@ -215,6 +271,10 @@ class _PackedLoop(_LogLoop):
             yield from self.vector(pack)
         for j, y in self.results:
             yield from self.store_output(j, y)
+
+    def packed_serials(self) -> Collection[int]:
+        """Serials of the operations and inputs that are in lanes of a vector."""
+        return self.packs.lane
 
     def single(self, values: Sequence[Any]) -> Iterator[str]:
         """Extract the scalars that were computed in lanes."""
@@ -275,10 +335,11 @@ class _PackedLoop(_LogLoop):
         """The state, from the step before or from memory, packs as vectors."""
         for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
             if k not in self.packed:
-                yield f"  %x{k} = phi {self.write.type_of(symbol)} [%before{k}, %load], [{self.write.word(y)}, %step]"
+                kind, after = self.write.type_of(symbol), self.write.word(y)
+                yield f"  %x{k} = phi {kind} [%before{k}, %load], [{after}, %{self.end}]"
         for j, (before, after) in enumerate(zip(self.packs.inputs, self.packs.results, strict=True)):
             word = self.vectors[key_of(after)]
-            yield f"  %p{j} = phi {self.wide.type_of(before[0])} [%packed{j}, %load], [{word}, %step]"
+            yield f"  %p{j} = phi {self.wide.type_of(before[0])} [%packed{j}, %load], [{word}, %{self.end}]"
 
     def load_state(self) -> Iterator[str]:
         """The state before the first step."""
