@@ -99,12 +99,11 @@ def check_log(log: Log, battery: Battery) -> Log:
             "another unit (--unit current=mA, units={'current': 'mA'})?"
         )
     low_V, high_V = battery.voltage_min_V, battery.voltage_max_V
-    usual_V = float(np.nanmedian(log.voltage_V))
-    if not (1 - OTHER_BATTERY) * low_V <= usual_V <= (1 + OTHER_BATTERY) * high_V:
+    if not _is_usually_within(log.voltage_V, (1 - OTHER_BATTERY) * low_V, (1 + OTHER_BATTERY) * high_V):
         raise InputError(
-            f"{log.name}: its voltage is usually {usual_V:.4g} V, but battery {battery.name!r} was seen between "
-            f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
-            "(--unit voltage=mV, units={'voltage': 'mV'})?"
+            f"{log.name}: its voltage is usually {np.nanmedian(log.voltage_V):.4g} V, but battery {battery.name!r} was "
+            f"seen between {low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in "
+            "another unit (--unit voltage=mV, units={'voltage': 'mV'})?"
         )
     log = _check_temperature(log, battery)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
@@ -119,13 +118,18 @@ def other_cells(log: Log, battery: Battery) -> str:
     curve_V = battery.thevenin.ocv.voltage_V
     if not np.isfinite(log.voltage_V).any():
         return ""
-    usual_V = float(np.nanmedian(log.voltage_V))
-    if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
+    if _is_usually_within(log.voltage_V, curve_V[0], (1 + ABOVE_FULL) * curve_V[-1]):
         return _better_explained(log, battery)
     return (
-        f"its usual voltage, {usual_V:.4g} V, contradicts the battery file, {curve_V[0]:.4g} V (empty) to "
-        f"{curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
+        f"its usual voltage, {np.nanmedian(log.voltage_V):.4g} V, contradicts the battery file, {curve_V[0]:.4g} V "
+        f"(empty) to {curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
     )
+
+
+def _is_usually_within(values: np.ndarray, low: float, high: float) -> bool:
+    """True where the median of the values (T,) lies within the limits, as it does if all of them do; nan left out."""
+    all_within = low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high
+    return bool(all_within or low <= np.nanmedian(values) <= high)
 
 
 def _better_explained(log: Log, battery: Battery) -> str:

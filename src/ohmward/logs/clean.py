@@ -91,6 +91,9 @@ def without_spikes(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, 
 
     Voltages of 0 are no measurement however long they last, as before a battery is connected.
     """
+    low, high = np.fmin.reduce(values), np.fmax.reduce(values)
+    if high - low <= (_FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * low):
+        return values, ()  # none is that far from the median, wherever that lies
     usual = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     rows, _ = _alone(values, usual, _FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * abs(usual))
     if quantity.unit == "V" and usual > 0.0:
@@ -481,7 +484,7 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
     voltage_V = table.columns[voltage.name]
     known = np.abs(voltage_V[np.isfinite(voltage_V)])
     highest_V = QUANTITIES["battery_voltage_V"].limits.highest
-    if not known.size or (usual_V := float(np.median(known))) <= highest_V:
+    if known.max(initial=0.0) <= highest_V or (usual_V := float(np.median(known))) <= highest_V:
         return
     options = ["--unit", "voltage=mV"]
     units = {"voltage": "mV"}

@@ -139,7 +139,10 @@ def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) 
     if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1
     time_s = table.columns[time]
-    first = np.flatnonzero(np.diff(time_s, prepend=-np.inf) > 0)
+    later = np.diff(time_s) > 0
+    if later.all():
+        return 1
+    first = np.flatnonzero(np.append(True, later))
     rows_of_stamp = np.diff(first, append=time_s.size)
     count = int(np.median(rows_of_stamp))
     whole = first[rows_of_stamp == count]

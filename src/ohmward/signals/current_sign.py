@@ -124,10 +124,14 @@ def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> Finding | None:
     direction that is seen less often must be seen like that at least once.
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    size_A, voltage_V = np.abs(current_A[known]), voltage_V[known]
-    largest_A = size_A.max(initial=0.0)
-    if size_A.size < 2 or min(-current_A[known].min(), current_A[known].max()) > _NO_SIGN * largest_A:
+    current_A = current_A[known]
+    if current_A.size < 2:
         return None
+    ends_A = -current_A.min(), current_A.max()
+    largest_A = max(ends_A)
+    if min(ends_A) > _NO_SIGN * largest_A:
+        return None
+    size_A, voltage_V = np.abs(current_A), voltage_V[known]
     dI, dV = np.diff(size_A), np.diff(voltage_V)
     noise_V = max(spread(dV), resolution(voltage_V))
     rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))

@@ -140,7 +140,10 @@ def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
 def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
     """(T,) True for voltages that the estimator did not use: outside its gate, or impossible for the battery."""
     left_out = int(SocFlag.VOLTAGE_REJECTED | SocFlag.NO_VOLTAGE)
-    return np.isfinite(log.voltage_V) & (np.nan_to_num(estimates.flags).astype(int) & left_out != 0)
+    rejected = np.zeros(len(log), dtype=bool)
+    rows = np.flatnonzero(estimates.flags)
+    rejected[rows] = np.nan_to_num(estimates.flags[rows]).astype(int) & left_out != 0
+    return rejected & np.isfinite(log.voltage_V)
 
 
 def _rms(values: np.ndarray) -> float:
