@@ -18,7 +18,7 @@ WIDTH = vector_bits() // 64
 
 
 class State(NamedTuple):
-    members: tuple[tuple[Any], tuple[Any]]
+    members: tuple[tuple[Any], ...]
     warm_K: Any
 
 

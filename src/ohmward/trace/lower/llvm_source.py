@@ -120,8 +120,8 @@ class _LogLoop:
     def state_phis(self) -> Iterator[str]:
         """The state, from the step before or from memory."""
         for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
-            kind, after = self.write.type_of(symbol), self.write.word(y)
-            yield f"  %x{k} = phi {kind} [%before{k}, %load], [{after}, %{self.end}]"
+            kind, word = self.write.type_of(symbol), self.write.word(y)
+            yield f"  %x{k} = phi {kind} [%before{k}, %load], [{word}, %{self.end}]"
 
     def arrays(self) -> Iterator[str]:
         """Addresses and strides of columns and outputs."""
@@ -335,8 +335,8 @@ class _PackedLoop(_LogLoop):
         """The state, from the step before or from memory, packs as vectors."""
         for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
             if k not in self.packed:
-                kind, after = self.write.type_of(symbol), self.write.word(y)
-                yield f"  %x{k} = phi {kind} [%before{k}, %load], [{after}, %{self.end}]"
+                kind, word = self.write.type_of(symbol), self.write.word(y)
+                yield f"  %x{k} = phi {kind} [%before{k}, %load], [{word}, %{self.end}]"
         for j, (before, after) in enumerate(zip(self.packs.inputs, self.packs.results, strict=True)):
             word = self.vectors[key_of(after)]
             yield f"  %p{j} = phi {self.wide.type_of(before[0])} [%packed{j}, %load], [{word}, %{self.end}]"
