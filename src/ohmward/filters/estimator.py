@@ -229,22 +229,29 @@ class LiveEstimator(ABC, Generic[S, E]):
         return type(nothing)(*sample)
 
     def _scan(
-        self, samples: S, first: S, end_s: float, progress: Progress | None, at_end: Collection[str] = ()
+        self,
+        samples: S,
+        first: S,
+        end_s: float,
+        progress: Progress | None,
+        at_end: Collection[str] = (),
+        into: E | None = None,
     ) -> tuple[E, float]:
         """Estimates along samples (T, ...), and the seconds that they took; a new estimator starts from `first`.
 
-        at_end: fields of the estimates of which only the last value is needed.
+        at_end: fields of the estimates of which only the last value is needed.  into: arrays for the estimates.
         A log in which the state is lost is run again sample by sample, so that the estimator restarts as it does live.
         """
         began = time.perf_counter()
         if self.state is None:
             self.state = self.init(first)
-        after, estimates = self.kernel.scan(self.state, samples, progress, at_end)
+        after, estimates = self.kernel.scan(self.state, samples, progress, at_end, into)
         if is_finite(structure_of(after, "state"), after):
             self.state = after
         else:
             found = [self._advance(row, end_s) for row in rows_of(samples)]
-            estimates = type(estimates)(*(np.array(column, dtype=float) for column in zip(*found, strict=True)))
+            for column, values in zip(estimates, zip(*found, strict=True), strict=True):
+                column[:] = values[-len(column) :]
         self.time_s = end_s
         self.last = self._last_of(estimates)
         return estimates, time.perf_counter() - began

@@ -87,7 +87,12 @@ class Kernel:
             raise
 
     def scan(
-        self, state: Any, samples: Any, progress: Progress | None = None, at_end: Collection[str] = ()
+        self,
+        state: Any,
+        samples: Any,
+        progress: Progress | None = None,
+        at_end: Collection[str] = (),
+        into: Any = None,
     ) -> tuple[Any, Any]:
         """Step through one log.
 
@@ -96,6 +101,7 @@ class Kernel:
                   all times.
         progress: called now and then with (steps done, T).
         at_end:   fields of the output that are stored at the last sample only, which takes less memory.
+        into:     arrays of float64 of the shape of the outputs, to which they are written; None makes new ones.
         Returns:  the state after the last sample, and the outputs with a leading time axis: (T, ...), (1, ...) at_end.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
@@ -104,8 +110,8 @@ class Kernel:
             self._scanned += self._steps(samples)[0]
             worth = self._scanned >= WORTH_STEPS
         return self._run(
-            lambda: llvm_logs.run_log(self._one_machine, state, samples, progress, at_end),
-            lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress, at_end),
+            lambda: llvm_logs.run_log(self._one_machine, state, samples, progress, at_end, into),
+            lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress, at_end, into),
             worth,
         )
 

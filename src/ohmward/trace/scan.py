@@ -23,15 +23,13 @@ def run(
     samples: Any,
     progress: Callable[[int, int], None] | None = None,
     at_end: Collection[str] = (),
+    into: Any = None,
 ) -> tuple[Any, Any]:
     """Step through a log; see `Kernel.scan`."""
     columns, count = sample_columns(structure.sample, samples)
     row: Sequence[Any] = state_row(structure.state, state)
-    lengths = output_lengths(structure.output, count, at_end)
-    outputs: list[np.ndarray] = [
-        np.empty((length, *leaf.shape), leaf.dtype)
-        for length, (_, leaf) in zip(lengths, leaves(structure.output), strict=True)
-    ]
+    arrays = output_arrays(structure.output, count, at_end)
+    outputs = arrays if into is None else flatten(structure.output, into)
     chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(structure.output)))
     for first in range(0, count, chunk):
         part = slice(first, min(first + chunk, count))
@@ -43,9 +41,17 @@ def run(
     return shaped(structure.state, row), unflatten(structure.output, iter(outputs))
 
 
-def output_lengths(structure: Structure, count: int, at_end: Collection[str]) -> list[int]:
-    """Number of values of every leaf of the output that are stored, for a log of `count` samples."""
-    return [min(count, 1) if path in at_end else count for path, _ in leaves(structure)]
+def output_arrays(
+    structure: Structure, count: int, at_end: Collection[str] = (), dtype: type | None = None
+) -> list[np.ndarray]:
+    """Memory for every leaf of the output along a log of `count` samples, of one value where that is `at_end`.
+
+    dtype: of all of them; None takes that of each leaf.
+    """
+    return [
+        np.empty((min(count, 1) if path in at_end else count, *leaf.shape), dtype or leaf.dtype)
+        for path, leaf in leaves(structure)
+    ]
 
 
 def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:

@@ -274,8 +274,9 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         again, watch = self._starts_over_at(samples, gaps, declared_full)
         at_piece = {*range(0, len(log), _PIECE), len(log)}
         stops = sorted({k + 1 for k in declared_full} | gaps.keys() | again | at_piece)
-        pieces: list[SocEstimate] = []
-        seconds, begin, exchanged = 0.0, 0, -1
+        lengths = [1 if name in at_end else len(log) for name in SocEstimate._fields]
+        whole = SocEstimate._make(map(np.empty, lengths))
+        seconds, before, begin, exchanged = 0.0, 0, 0, -1
         while begin < len(log):
             stop = stops[bisect(stops, begin)]
             rows = SocSample(*(column[begin:stop] for column in samples))
@@ -287,13 +288,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             if begin in again and self._model:
                 self._start_again_from(first, self._model)
             end_s = float(log.time_s[stop - 1])
-            piece, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end)
+            piece = SocEstimate._make(column[begin:stop] if len(column) > 1 else column for column in whole)
+            _, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end, piece)
             seconds += took_s
             for flag, marked in ((SocFlag.GAP, gaps), (SocFlag.EXCHANGED, (exchanged,)), (SocFlag.RESTARTED, again)):
                 if begin in marked:
                     piece.flags[0] = int(piece.flags[0]) | flag
-            before = pieces[-1] if pieces and begin != exchanged else None
-            if (found := self._exchanged_at(samples, before, piece, stop)) is not None:
+            since = begin if begin == exchanged else max(begin - FORGETS, before)
+            if (found := self._exchanged_at(samples, whole, slice(since, stop))) is not None:
                 exchanged = max(found, begin)
                 samples.dt_s[exchanged] = 0.0
                 again, watch = self._starts_over_at(samples, gaps, declared_full, exchanged)
@@ -304,29 +306,16 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
-            begin += len(piece.soc)
-            self.memory = self.memory.after_log(log.time_s[begin - len(piece.soc) : begin], piece)
-            pieces.append(piece)
+            before, begin = begin, begin + len(piece.soc)
+            self.memory = self.memory.after_log(log.time_s[before:begin], piece)
         self._watch = watch
-        if len(pieces) == 1:
-            return pieces[0], seconds
-        whole = [
-            parts[-1] if name in at_end else np.concatenate(parts)
-            for name, *parts in zip(SocEstimate._fields, *pieces, strict=True)
-        ]
-        return SocEstimate._make(whole), seconds
+        return whole, seconds
 
-    def _exchanged_at(
-        self, samples: SocSample, before: SocEstimate | None, piece: SocEstimate, stop: int
-    ) -> int | None:
-        """First row in the estimates of a piece that shows another battery; before: those of the piece before it."""
-        innovation_V, flags = piece.innovation_V, piece.flags
-        if before is not None:
-            innovation_V = np.concatenate([before.innovation_V[-FORGETS:], innovation_V])
-            flags = np.concatenate([before.flags[-FORGETS:], flags])
-        begin = stop - len(flags)
-        row = exchange_in(self.settings, SocSample(*(column[begin:stop] for column in samples)), innovation_V, flags)
-        return None if row is None else begin + row
+    def _exchanged_at(self, samples: SocSample, estimates: SocEstimate, part: slice) -> int | None:
+        """First row in a part of the estimates along a log that shows another battery."""
+        rows = SocSample(*(column[part] for column in samples))
+        row = exchange_in(self.settings, rows, estimates.innovation_V[part], estimates.flags[part])
+        return None if row is None else part.start + row
 
     def _starts_over_at(
         self, samples: SocSample, gaps: Collection[int], declared_full: Collection[int], exchanged: int = 0

@@ -11,22 +11,25 @@ import numpy as np
 from ohmward.trace import scan
 from ohmward.trace.lower import lanes
 from ohmward.trace.lower.llvm_run import MachineStep, processors
-from ohmward.trace.structure import Structure, leaves, shaped, unflatten
+from ohmward.trace.structure import Structure, flatten, leaves, shaped, unflatten
 
 Progress = Callable[[int, int], None]
 
 
 def run_log(
-    step: MachineStep, state: Any, samples: Any, progress: Progress | None = None, at_end: Collection[str] = ()
+    step: MachineStep,
+    state: Any,
+    samples: Any,
+    progress: Progress | None = None,
+    at_end: Collection[str] = (),
+    into: Any = None,
 ) -> tuple[Any, Any]:
     """Step through one log; see `Kernel.scan`."""
     structure = step.program.step_structure
     columns, count = scan.sample_columns(structure.sample, samples)
     row = np.array(scan.state_row(structure.state, state), dtype=float)
-    lengths = scan.output_lengths(structure.output, count, at_end)
-    results = [
-        np.empty((length, *leaf.shape)) for length, (_, leaf) in zip(lengths, leaves(structure.output), strict=True)
-    ]
+    arrays = scan.output_arrays(structure.output, count, at_end, float)
+    results = arrays if into is None else flatten(structure.output, into)
     scalars = [v for r in results for v in r.reshape(len(r), math.prod(r.shape[1:])).T]
     scalars = [np.broadcast_to(v, count) for v in scalars]  # every step writes a value at the end to the same place
     step.one(row, _doubles(columns), scalars, progress)
