@@ -197,6 +197,9 @@ def test_outputs_of_the_end_are_the_last_of_the_whole_log(lowering, monkeypatch)
     assert_equal(found_end, end)
     assert_equal(found, (level, flows[-1:], full[-1:], constant[-1:]))
     assert found[2].dtype == bool
+    into = tuple(np.full((2 * len(column), *column.shape[1:]), np.nan)[::2] for column in found)
+    kernel.scan(START, samples, at_end=("[1]", "[2]", "[3]"), into=into)
+    assert_equal(into, tuple(column.astype(float) for column in found))
     nothing = kernel.scan(START, Sample(np.zeros(0), np.zeros(0)), at_end=("[1]",))
     assert [o.shape for o in nothing[1]] == [(0,), (0, 2, 2), (0,), (0,)]
 
