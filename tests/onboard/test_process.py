@@ -396,12 +396,13 @@ def test_a_process_that_was_held_up_takes_in_what_came_before_it_calls_sensors_s
     assert [r.message for r in caplog.records if "silent" in r.message] == []
 
 
-def test_a_full_disk_is_named_and_estimates_go_on(battery, tmp_path, monkeypatch):
+@pytest.mark.parametrize("snapshot_s", [0.05, 5.0], ids=["first snapshot", "snapshot at the end"])
+def test_a_full_disk_is_named_and_estimates_go_on_and_end(battery, tmp_path, monkeypatch, snapshot_s):
     def full(*_):
         raise OhmwardError("snapshot.json: cannot be written (No space left on device); free space")
 
     monkeypatch.setattr("ohmward.onboard.state_folder.write_snapshot", full)
-    monkeypatch.setattr("ohmward.onboard.state_folder.SNAPSHOT_S", 0.05)
+    monkeypatch.setattr("ohmward.onboard.state_folder.SNAPSHOT_S", snapshot_s)
     sink, folder = Collector(), StateFolder(tmp_path)
     process = Process(Estimation(battery), [Script(samples(50))], [sink])
     process.companions.append(("snapshots", folder.writer(process.estimation, process.now_s)))

@@ -130,6 +130,8 @@ async def keep_running(
             reason = f"unexpected {type(error).__name__}: {error}"
         wait_s = first_s if loop.time() - began_s > longest_s else wait_s
         report(Diagnostic(name, Level.ERROR, reason, {"again_in_s": wait_s}))
+        if (task := asyncio.current_task()) and task.cancelling():  # an error of the cleanup has replaced it
+            raise asyncio.CancelledError
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, longest_s)
 

@@ -144,8 +144,7 @@ class StateFolder:
         async def write() -> None:
             table_s = learnt_s = self.clock.now_s()
             try:
-                while True:
-                    await asyncio.sleep(SNAPSHOT_S)
+                while True:  # at once: a disk that is still full after a restart is no recovery
                     self._follow_swaps(estimation)
                     await asyncio.to_thread(self._write_snapshot, self._content(estimation, now_s()))
                     if self.clock.now_s() - table_s > TABLE_S:
@@ -154,6 +153,7 @@ class StateFolder:
                     if self.learn and self.clock.now_s() - learnt_s > LEARNT_S:
                         learnt_s = self.clock.now_s()
                         await asyncio.to_thread(self._write_learnt, estimation.battery, copy(estimation.soc))
+                    await asyncio.sleep(SNAPSHOT_S)
             finally:
                 self.write(estimation, now_s())
 
