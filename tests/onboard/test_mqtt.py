@@ -88,7 +88,8 @@ def test_topics_become_messages(tmp_path):
     assert got[0].publisher == "robot/bms"  # whose clock need not be that of another topic
 
 
-def test_states_are_retained_and_the_will_says_offline(tmp_path):
+@pytest.mark.parametrize("in_haste", [False, True], ids=["delivered", "cancelled"])
+def test_states_are_retained_and_whoever_ends_is_offline(tmp_path, in_haste):
     with mosquitto(tmp_path) as broker:
         sink = MqttSink(host="127.0.0.1", port=broker.port, numbers=("battery.soc", "slip.speed_m_s"))
 
@@ -100,8 +101,10 @@ def test_states_are_retained_and_the_will_says_offline(tmp_path):
             late, got = client(broker, "ohmward/robot/#")
             await until(lambda: len(got) == 4)
             await asyncio.sleep(0.1)
+            if in_haste:
+                await cancelled(task)
             feed.end()
-            await task
+            await asyncio.wait([task])
             await until(lambda: got["ohmward/robot/status"][-1] == b"offline")
             late.loop_stop()
             return got

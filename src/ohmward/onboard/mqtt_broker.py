@@ -106,6 +106,8 @@ class MqttBroker:
                 await received.take()
             yield Connection(client, received)
         finally:
+            if will:  # who disconnects by itself has no last will
+                client.publish(will.topic, will.payload, qos=0, retain=True)  # qos 1 might wait behind others
             client.disconnect()
             await asyncio.to_thread(client.loop_stop)
 

@@ -64,7 +64,6 @@ class MqttSink(MqttBroker):
                 if missing := [state for state, infos in sent if not all(map(_has_arrived, infos))]:
                     feed.put_back(missing)
                     raise OhmwardError(f"{self.host}:{self.port} does not acknowledge; is the broker running?")
-            await asyncio.to_thread(_acknowledged, [client.publish(status, "offline", qos=1, retain=True)])
 
     async def try_out(self) -> None:
         """Connect without publishing anything."""
