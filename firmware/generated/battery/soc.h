@@ -49,8 +49,8 @@ typedef struct {
     float flags; /* sum of SOC_... values; 0 is a sample without incident */
 } soc_output;
 
-/* The state before the first sample; then give that sample to the step. `soc` and `soc_std` are the state of
-   charge and its standard deviation, which the first steps correct. */
+/* The state before the first sample; then give that sample to the step. `soc` (0 to 1) and `soc_std` (above
+   0) are the state of charge and its standard deviation, which the first steps correct. */
 void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);
 
 /* One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere. */

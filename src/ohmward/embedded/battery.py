@@ -117,7 +117,7 @@ def _started(estimator: Any) -> Callable[..., Any]:
 
 
 def _start_note(estimator: Any) -> str:
-    known = "`soc` and `soc_std` are the state of charge and its standard deviation"
+    known = "`soc` (0 to 1) and `soc_std` (above 0) are the state of charge and its standard deviation"
     if carries_errors(estimator):
         return f"{known}; where `soc` is NAN, both come from the voltage of the sample."
     return f"{known}, which the first steps correct."

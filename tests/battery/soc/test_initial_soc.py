@@ -148,7 +148,9 @@ def test_the_coarse_grid_of_a_microcontroller_finds_the_same_density(chemistry, 
 
 def test_a_microcontroller_knows_nothing_without_a_voltage():
     start = VoltageStart(LFP, NOISE, SENSOR, count=3)
-    mean, std = moments_of(start.on_coarse_grid(SocSample(0.0, 0.0, math.nan, 25.0)))
+    parts = start.on_coarse_grid(SocSample(0.0, 0.0, math.nan, 25.0))
+    assert np.isfinite([part.start for part in parts]).all()
+    mean, std = moments_of(parts)
     assert (mean, std) == (pytest.approx(0.5), pytest.approx(1.0 / math.sqrt(12.0), rel=1e-3))
 
 

@@ -86,8 +86,9 @@ class VoltageStart:
         expected = [self.expected_voltage(soc, first) for soc in grid.tolist()]
         above_empty = first.voltage_V > (1 - BEYOND) * lowest_V
         credible = above_empty & (first.voltage_V < (1 + BEYOND) * highest_V)
-        excess_V = [clip(first.voltage_V, lowest_V, highest_V) - at.mean_V for at in expected]
-        errors = [where(credible, over / at.std_V, 0.0) for over, at in zip(excess_V, expected, strict=True)]
+        nearest_V = clip(first.voltage_V, lowest_V, highest_V)
+        excess_V = [where(credible, nearest_V - at.mean_V, 0.0) for at in expected]
+        errors = [over / at.std_V for over, at in zip(excess_V, expected, strict=True)]
         too_low = list(accumulate(errors[::-1], maximum, initial=0.0))[:0:-1]
         too_high = list(accumulate((-error for error in errors), maximum, initial=0.0))[1:]
         scaled = [0.5 * (low * low + high * high) for low, high in zip(too_low, too_high, strict=True)]
