@@ -421,7 +421,7 @@ def test_a_token_of_any_letters_opens_the_page(monkeypatch):
 
 def test_a_port_that_is_taken_is_named(page):
     port = int(page.rpartition(":")[2])
-    with pytest.raises(OhmwardError, match=rf"port {port} of 127.0.0.1 cannot be had"):
+    with pytest.raises(OhmwardError, match=rf"port {port} of 127.0.0.1 cannot be listened at"):
         asyncio.run(PageSink(port=port).run(Feed()))
 
 

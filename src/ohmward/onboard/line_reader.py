@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 from collections import deque
 from collections.abc import Callable
+
+from ohmward.errors import OhmwardError
 
 #: Longest line that is read [bytes]; a longer one is left out.
 LONGEST_LINE = 1 << 16
@@ -22,6 +25,12 @@ BACKLOG = 16
 
 #: Lines of a burst that are read before others have their turn: some milliseconds.
 LINES_AT_ONCE = 16
+
+
+def cannot_listen(place: str, error: OSError) -> OhmwardError:
+    """Error that names an address and the reason why nobody can listen at it."""
+    reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error
+    return OhmwardError(f"{place} cannot be listened at ({reason}); end the process that does, or choose another port")
 
 
 class LineReader(asyncio.Protocol):

@@ -20,7 +20,7 @@ from ohmward.errors import OhmwardError
 from ohmward.json_values import plain
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing, command_of
-from ohmward.onboard.line_reader import BACKLOG, Visitors
+from ohmward.onboard.line_reader import BACKLOG, Visitors, cannot_listen
 from ohmward.onboard.message import as_number
 from ohmward.onboard.part import LOG, FaultyInput
 
@@ -56,9 +56,7 @@ class OperatorServer:
         try:
             server = await asyncio.start_server(self._serve, host, port, limit=LONGEST_COMMAND, backlog=BACKLOG)
         except OSError as error:
-            raise OhmwardError(
-                f"operator: {host}:{port} cannot be listened at ({error.strerror or error}); choose another port"
-            ) from error
+            raise cannot_listen(f"operator: {host}:{port}", error) from error
         try:
             yield
         finally:

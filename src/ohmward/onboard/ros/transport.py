@@ -217,7 +217,7 @@ class RclpyTransport:
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[_Subscription] = []
         self._services: list[Any] = []
-        #: The default callbacks warn of incompatible readers, which cannot occur here, and cost much of every spin.
+        #: The default callbacks cost much of every spin; incompatible readers are warned on their own side.
         self._events = require("rclpy.event_handler", 'transport = "rclpy"')
         executors = require("rclpy.executors", 'transport = "rclpy"')
         self._executor = executors.SingleThreadedExecutor(context=node.context)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
 import ssl
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from typing import Any
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
+from ohmward.onboard.line_reader import cannot_listen
 from ohmward.onboard.page.app import make_app
 from ohmward.onboard.page.connection import connection_type
 from ohmward.onboard.page.dashboard import Dashboard
@@ -103,10 +103,7 @@ class PageSink:
         try:
             listener = socket.create_server((self.host, self.port), family=family)
         except OSError as error:
-            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error
-            raise OhmwardError(
-                f"port {self.port} of {self.host} cannot be had ({reason}); choose another one: port ="
-            ) from error
+            raise cannot_listen(f"port {self.port} of {self.host}", error) from error
         try:
             yield listener
         finally:

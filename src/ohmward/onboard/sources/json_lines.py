@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors
+from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors, cannot_listen
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number, json_value
 from ohmward.onboard.part import LOG, EndedError, FaultyInput
 from ohmward.onboard.secrets import host_and_port
@@ -129,9 +129,7 @@ class JsonLinesSource:
             await asyncio.to_thread(_remove_socket, self.address)
             return await loop.create_unix_server(reader, self.address, backlog=BACKLOG)
         except OSError as error:
-            raise OhmwardError(
-                f"{self.address} cannot be listened at ({error.strerror}); choose another port"
-            ) from error
+            raise cannot_listen(self.address, error) from error
 
     def message(self, line: bytes, wiring: Wiring, received_s: float, publisher: str = "") -> Message | None:
         """The message of a line of a publisher; None if it is no JSON object or has no quantity."""
