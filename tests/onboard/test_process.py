@@ -10,7 +10,6 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.errors import OhmwardError
-from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Message
 from ohmward.onboard.notify import status
@@ -24,6 +23,7 @@ from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.rows import columns_of
 from ohmward.traction.robot.packaged import load_robot
+from onboard.clocks import FakeClock
 
 
 @dataclass
@@ -56,17 +56,6 @@ class Collector:
     async def run(self, feed):
         async for state in feed:
             self.states.append(state)
-
-
-class FakeClock(SystemClock):
-    def __init__(self, now_s):
-        self.monotonic, self.unix = now_s, 1.8e9
-
-    def now_s(self):
-        return self.monotonic
-
-    def unix_s(self):
-        return self.unix
 
 
 def samples(count, source="script"):
@@ -329,6 +318,24 @@ def charges(battery, messages):
     feed.end()
     asyncio.run(collector.run(feed))
     return process, [state.battery.soc for state in collector.states if state.battery]
+
+
+def test_a_suspended_machine_leaves_a_gap(battery):
+    """The monotonic clock stands still meanwhile, and so do the times of the messages."""
+    clock, hours = FakeClock(100.0), 8.0
+    process = Process(Estimation(battery), [Script([])], [], clock)
+    awake, asleep = samples(1000)[:500], samples(1000)[500:]
+    for message in awake:
+        process.put(message)
+    clock.suspended = 3600.0 * hours
+    before = process.state.battery
+    process.put(asleep[0])
+    gap = Estimation(battery)
+    for message in awake:
+        gap.put(message.received_s, message.values)
+    (expected,) = gap.put(asleep[0].received_s + 3600.0 * hours, asleep[0].values)
+    assert process.estimation.state.battery.soc_std == pytest.approx(expected.battery.soc_std, rel=1e-9)
+    assert process.estimation.state.battery.flags == expected.battery.flags != before.flags
 
 
 @pytest.mark.parametrize("leap_s", [3600.0, -3600.0])

@@ -34,17 +34,7 @@ from ohmward.onboard.state_folder import (
 )
 from ohmward.trace.snapshot import sealed
 from ohmward.traction.robot.packaged import RLMA, load_robot
-
-
-class FakeClock:
-    def __init__(self, now_s=1000.0, unix_s=1.8e9):
-        self.monotonic, self.unix = now_s, unix_s
-
-    def now_s(self):
-        return self.monotonic
-
-    def unix_s(self):
-        return self.unix
+from onboard.clocks import FakeClock
 
 
 @pytest.fixture(scope="module")
@@ -312,9 +302,10 @@ def test_the_time_away_is_that_of_the_monotonic_clock_within_a_boot(tmp_path, ba
     first.write(driven(battery), clock.now_s())
     first.close()
     clock.monotonic += 50.0
+    clock.suspended += 7.0
     clock.unix -= 3600.0
     second = folder(tmp_path, clock)
-    assert second.away_s == 50.0
+    assert second.away_s == 57.0
     second.close()
 
 

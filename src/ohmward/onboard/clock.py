@@ -42,6 +42,10 @@ class SystemClock:
         """Monotonic time [s], the same for all processes of one boot."""
         return time.monotonic()
 
+    def suspended_s(self) -> float:
+        """Time that this machine has been suspended [s], which `now_s` leaves out; 0 where the system counts none."""
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic() if hasattr(time, "CLOCK_BOOTTIME") else 0.0
+
     def unix_s(self) -> float:
         """Wall clock, seconds since 1970 (UTC)."""
         return time.time()

@@ -111,7 +111,7 @@ class Process:
         #: conditions logged of each name: the last recovery, or the faults since then
         self._logged: dict[str, list[tuple[Level, str]]] = {}
         self._own = frozenset(source.name for source in sources if not is_live(source))
-        self._restarts = 0
+        self._restarts, self._suspended_s = 0, self.clock.suspended_s()
         self._restart()
         self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
@@ -197,13 +197,18 @@ class Process:
             self._take(arrival)
 
     def _take_time(self, message: Message) -> None:
-        """Time of a replay or a simulation after a message; everything restarts if it went back."""
+        """Time after a message: a simulation that went back restarts everything, a suspended machine leaves a gap."""
         own = message.source in self._own
         if own and message.received_s < self._received_s - LEAP_S:
             LOG.warning("source %s: its time went back; everything restarts", message.source)
             self.estimation.restart()
             self._restarts += 1
             self._restart()
+        slept_s = self.clock.suspended_s() - self._suspended_s
+        if slept_s > LEAP_S and not own:
+            LOG.warning("this machine was suspended for %.0f s: what the battery did meanwhile is not known", slept_s)
+            self._suspended_s += slept_s
+            self.estimation.shift_s += slept_s
         ahead_s = message.received_s - self.clock.now_s()
         self._ahead_s = ahead_s if own else max(self._ahead_s, ahead_s)
         if own:

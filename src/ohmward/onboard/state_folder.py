@@ -192,7 +192,7 @@ class StateFolder:
         self.notes.append(f"{self.path} is the state of a replay or a simulation: the robot starts afresh")
 
     def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
-        clocks = {"boot": boot_id(), "monotonic_s": self.clock.now_s(), "unix_s": self.clock.unix_s()}
+        clocks = {"boot": boot_id(), "monotonic_s": self._since_boot_s(), "unix_s": self.clock.unix_s()}
         clocks["live"] = self.live
         found = remember(estimation, now_s)
         return found | clocks if found else {}
@@ -215,13 +215,16 @@ class StateFolder:
                 return
             save_battery(learnt, self.path / LEARNT)
 
+    def _since_boot_s(self) -> float:
+        return self.clock.now_s() + self.clock.suspended_s()
+
     def _away_s(self) -> float:
         """Time since the last snapshot; nan if unknown, as on a computer without a clock that was off."""
         if not self.before:
             return math.nan
         try:
             if self.before.get("boot") == boot_id() != "":
-                return max(self.clock.now_s() - typed(float, "monotonic_s", self.before.get("monotonic_s")), 0.0)
+                return max(self._since_boot_s() - typed(float, "monotonic_s", self.before.get("monotonic_s")), 0.0)
             away_s = self.clock.unix_s() - typed(float, "unix_s", self.before.get("unix_s"))
         except InputError as error:
             self.notes.append(str(error))
