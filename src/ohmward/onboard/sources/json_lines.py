@@ -30,6 +30,9 @@ from ohmward.quantities import QUANTITIES, quantity_of
 #: Similarity of a key to the name of a quantity, from 0 to 1, above which it counts as misspelt.
 _NEARLY = 0.8
 
+#: Unknown keys that are looked at: a robot has fewer, a sender that invents names must not fill the log.
+_UNKNOWN_KEYS = 100
+
 
 @dataclass(frozen=True)
 class JsonLinesSource:
@@ -189,8 +192,10 @@ def _publisher(transport: asyncio.BaseTransport, others: Collection[str]) -> str
 
 @lru_cache(maxsize=1024)
 def _name_misspelt(key: str) -> None:
-    """Log once a key that is nearly the name of a quantity."""
+    """Log once a key that is nearly the name of a quantity, among the first `_UNKNOWN_KEYS` that are none."""
     name = key.partition(".")[0]
+    if _name_misspelt.cache_info().misses > _UNKNOWN_KEYS:
+        return
     if near := difflib.get_close_matches(name, QUANTITIES, n=1, cutoff=_NEARLY):
         LOG.warning(
             "the key %r is no quantity and left out; did you mean %s? Units are part of the names", name, near[0]
