@@ -298,7 +298,7 @@ def _shown(state, process):
     }
 
 
-def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
+def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch, caplog):
     @dataclass
     class Deaf(Collector):
         async def run(self, feed):
@@ -306,6 +306,7 @@ def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
 
     monkeypatch.setattr("ohmward.onboard.process.END_S", 0.1)
     run(Process(Estimation(battery), [Script(samples(1), then=EndedError("done"))], [Deaf()]))
+    assert "sink collector: states that were not delivered: 1" in caplog.messages
 
 
 def charges(battery, messages):

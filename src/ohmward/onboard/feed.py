@@ -70,6 +70,11 @@ class Feed:
         self.ended, self.trouble = False, ""
         self.mission: MissionForecaster | None = None
 
+    @property
+    def waiting(self) -> int:
+        """Number of states that wait for the sink."""
+        return len(self._waiting)
+
     def put(self, state: RobotState) -> None:
         """Add a state if one is due; otherwise its measured values go with the next one."""
         if self._rate.interval_s:

@@ -160,6 +160,9 @@ class Process:
             hurried, delivered = asyncio.create_task(self._hurried.wait()), asyncio.create_task(_all(sinks))
             await asyncio.wait([hurried, delivered], timeout=END_S, return_when=asyncio.FIRST_COMPLETED)
             await _cancel([hurried, delivered, *sinks, *beside])
+            for sink, feed in self.sinks:
+                if feed.waiting:
+                    LOG.warning("sink %s: states that were not delivered: %d", sink.name, feed.waiting)
         if self._refused:
             raise OhmwardError(self._refused)
 
