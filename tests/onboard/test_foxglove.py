@@ -62,6 +62,22 @@ def test_what_would_be_open_to_everybody_is_refused():
         FoxgloveSink(host="0.0.0.0")
 
 
+def test_a_stranger_is_no_line_in_the_log(caplog):
+    async def knock() -> None:
+        port = free_port()
+        serving = asyncio.create_task(FoxgloveSink(port=port).run(Feed()))
+        await asyncio.sleep(0.3)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"GET / HTTP/1.1\r\n\r\n")
+        await reader.read()
+        writer.close()
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+
+    asyncio.run(knock())
+    assert not caplog.records
+
+
 def test_a_port_that_is_taken_is_named():
     async def twice() -> None:
         port = free_port()

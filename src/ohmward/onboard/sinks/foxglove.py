@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -39,6 +40,7 @@ class FoxgloveSink:
     async def run(self, feed: Feed) -> None:
         """Serve until the feed ends."""
         foxglove = require("foxglove", "the Foxglove sink")
+        logging.getLogger("foxglove.websocket").setLevel(logging.CRITICAL)  # a stranger at the port is an error there
         translation = Translation(Ros2Sink(interval_s=self.interval_s, battery=self.battery))
         context = foxglove.Context()
         try:
