@@ -104,6 +104,35 @@ def open_to_append(path: Path) -> TextIO:
     return file
 
 
+#: File by which a process holds a folder.
+LOCK = "lock"
+
+
+def held_folder(path: Path, setting: str) -> TextIO:
+    """Make a folder, and hold it for this process for as long as the returned file is open.
+
+    setting: names the folder in a setup.
+
+    Raises:
+        OhmwardError: it cannot be made, or another process holds it.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        file = (path / LOCK).open("a", encoding="utf-8")
+        if fcntl:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        file.close()
+        fix = f"end it, or give this one a folder of its own: {setting} = ..."
+        raise OhmwardError(f"another process uses the folder {str(path)!r}; {fix}") from error
+    except OSError as error:
+        reason = error.strerror or error
+        raise OhmwardError(
+            f"{setting} = {str(path)!r} cannot be used ({reason}); choose a folder that takes files"
+        ) from error
+    return file
+
+
 def _last_byte(path: Path) -> bytes:
     with path.open("rb") as file:
         file.seek(-1, os.SEEK_END)

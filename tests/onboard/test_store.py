@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 
+from ohmward.atomic import held_folder
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.sinks.store import StoreSink
@@ -258,6 +259,12 @@ def test_the_sink_stores_all_and_says_what_changed(tmp_path):
     store = Store(tmp_path, read_only=True)
     assert len(store.read("battery")["soc"]) == 40
     assert [condition.level for condition in store.conditions()] == ["OK", "WARN"]
+
+
+def test_a_store_is_written_by_one_process(tmp_path):
+    fix = r"another process uses the folder .*: folder = \.\.\."
+    with held_folder(tmp_path, "folder"), pytest.raises(OhmwardError, match=fix):
+        asyncio.run(StoreSink(str(tmp_path)).run(filled_feed()))
 
 
 def test_a_damaged_file_of_the_archive_is_left_out_and_named(tmp_path, caplog):

@@ -27,7 +27,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ohmward.atomic import write_text
+from ohmward.atomic import held_folder, write_text
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning.on_board import learnt_on_board
@@ -50,7 +50,7 @@ SNAPSHOT_S = 5.0
 #: Time between two consumption tables, and between two learnt battery files.
 TABLE_S, LEARNT_S = 60.0, 3600.0
 
-IN_USE, LEARNT, CONSUMPTION, LOCK = "battery.toml", "battery-learnt.toml", "consumption.toml", "lock"
+IN_USE, LEARNT, CONSUMPTION = "battery.toml", "battery-learnt.toml", "consumption.toml"
 GIVEN = "battery-given.txt"
 
 
@@ -78,14 +78,7 @@ class StateFolder:
     ):
         self.path, self.learn, self.clock, self.live = path, learn, clock or SystemClock(), live
         self.consumption_path = consumption or path / CONSUMPTION
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            self._lock = (path / LOCK).open("a", encoding="utf-8")
-        except OSError as error:
-            raise OhmwardError(
-                f"state = {str(path)!r} cannot be used ({error.strerror or error}); choose a folder that takes files"
-            ) from error
-        _lock(self._lock.fileno(), path)
+        self._held = held_folder(path, "state")
         found = read_snapshot(path)
         self.before, self.notes = found.content or {}, [found.note] if found.note else []
         if self.before and self.before.get("live", True) != live:
@@ -169,7 +162,7 @@ class StateFolder:
 
     def close(self) -> None:
         """Release the folder."""
-        self._lock.close()
+        self._held.close()
 
     def _follow_swaps(self, estimation: Estimation) -> None:
         """Forget what was learnt of a battery that has been swapped for another."""
@@ -238,20 +231,6 @@ def boot_id() -> str:
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     except OSError:
         return ""
-
-
-def _lock(handle: int, path: Path) -> None:
-    """Lock the folder for this process, for as long as it lives."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        raise OhmwardError(
-            f"another process uses the folder {str(path)!r}; end it, or give this one a folder of its own: state = ..."
-        ) from error
 
 
 class FoundSnapshot(NamedTuple):

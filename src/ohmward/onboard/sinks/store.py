@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from ohmward.atomic import require_writable
+from ohmward.atomic import held_folder, require_writable
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -44,19 +44,20 @@ class StoreSink:
 
     async def run(self, feed: Feed) -> None:
         """Store states until the feed ends; states refused by a full disk go back to the feed."""
-        store, maker = await asyncio.to_thread(Store, Path(self.folder)), RowMaker()
-        cleaned_s = -HOUSEKEEPING_S
-        try:
-            while states := await feed.batch():
-                rows = [row for state in states for row in maker.rows(state)]
-                conditions = [condition for state in states for condition in maker.conditions(state)]
-                await until_taken(partial(store.add, rows, conditions), feed, states)
-                if time.monotonic() - cleaned_s > HOUSEKEEPING_S:
-                    cleaned_s = time.monotonic()
-                    await self._clean(store, states[-1].unix_s, feed)
-                await asyncio.sleep(0.0 if feed.ended else self.commit_s)
-        finally:
-            await asyncio.to_thread(store.close)
+        with await asyncio.to_thread(held_folder, Path(self.folder), "folder"):
+            store, maker = await asyncio.to_thread(Store, Path(self.folder)), RowMaker()
+            cleaned_s = -HOUSEKEEPING_S
+            try:
+                while states := await feed.batch():
+                    rows = [row for state in states for row in maker.rows(state)]
+                    conditions = [condition for state in states for condition in maker.conditions(state)]
+                    await until_taken(partial(store.add, rows, conditions), feed, states)
+                    if time.monotonic() - cleaned_s > HOUSEKEEPING_S:
+                        cleaned_s = time.monotonic()
+                        await self._clean(store, states[-1].unix_s, feed)
+                    await asyncio.sleep(0.0 if feed.ended else self.commit_s)
+            finally:
+                await asyncio.to_thread(store.close)
 
     async def try_out(self) -> None:
         """Look whether the store can be read, if there is one, and written."""
