@@ -334,9 +334,11 @@ def test_a_suspended_machine_leaves_a_gap(battery):
     gap = Estimation(battery)
     for message in awake:
         gap.put(message.received_s, message.values)
-    (expected,) = gap.put(asleep[0].received_s + 3600.0 * hours, asleep[0].values)
-    assert process.estimation.state.battery.soc_std == pytest.approx(expected.battery.soc_std, rel=1e-9)
-    assert process.estimation.state.battery.flags == expected.battery.flags != before.flags
+    expected = gap.put(asleep[0].received_s + 3600.0 * hours, asleep[0].values)[0].battery
+    found = process.estimation.state.battery
+    assert found and before and expected
+    assert found.flags == expected.flags != before.flags
+    assert found.soc_std == pytest.approx(expected.soc_std, rel=1e-9)
 
 
 @pytest.mark.parametrize("leap_s", [3600.0, -3600.0])
