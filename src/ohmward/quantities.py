@@ -111,7 +111,7 @@ def current_limits(ways: str) -> list[str]:
 
 _BMS, _CHARGE, _DISCHARGE = "bms battery batt pack", "charge charging chg", "discharge discharging dischg dsg"
 _COMPASSES = "- compass magnetic mag gnss gps"
-_SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
+_SPEEDOMETERS = "- ground gnss gps rtk vtg vo visual flow radar lidar"
 _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 
 #: Of what says how far another value can be trusted: an estimator refuses that one where this is too large.
@@ -201,7 +201,8 @@ _TABLE = (
              words_of("pitch", "pitch angle"), "rad or deg"),
     Quantity(
         "speed_m_s", "speed of the body from GNSS, visual or lidar odometry", "body", "m/s", ValueLimits(-50.0, 50.0),
-        words_of(*each_with_each("speed velocity", _SPEEDOMETERS)),
+        words_of(*each_with_each("speed velocity sog groundspeed geschwindigkeit vitesse velocidad", _SPEEDOMETERS),
+                 *(f"speed {name}" for name in each_with_each("ground", "over gnss gps rtk"))),
         "m/s or km/h", ros_type=_ODOMETRY, ros_field="twist.twist.linear.x",
     ),
     Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", _NOT_NEGATIVE,

@@ -1,4 +1,5 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from ohmward.logs import read_log
@@ -60,6 +61,12 @@ def test_another_number_of_cells_is_named():
 
 def test_a_single_cell_has_none():
     assert find_cells(columns(["cell_0", "cell_1"]), PACK_V, 1) == (None, ())
+
+
+def test_a_pack_voltage_that_only_its_unit_names_stands_beside_cells():
+    frame = {"ts_ms": 1000 * np.arange(50), **columns([f"cell_mv_{k}" for k in range(1, 5)], 1e3)}
+    log = read_log(pd.DataFrame(frame | {"pack_mv": 1e3 * PACK_V, "pack_ma": -1e3}), current_sign="charge")
+    assert log.voltage_V == pytest.approx(PACK_V) and log.current_A == pytest.approx(np.full(50, -1.0))
 
 
 def test_the_pack_voltage_is_the_sum_where_a_log_has_cells_alone(tmp_path):

@@ -263,6 +263,12 @@ def test_every_notation_of_a_unit_reads_alike():
             ("Current(A)", 1.0),
             ("Voltage(V)", 1.0),
         ),
+        (
+            ["time", "POWER_SUPPLY_VOLTAGE_NOW", "POWER_SUPPLY_CURRENT_NOW"],
+            ("time", None),
+            ("POWER_SUPPLY_CURRENT_NOW", 1e-6),
+            ("POWER_SUPPLY_VOLTAGE_NOW", 1e-6),
+        ),
     ],
 )
 def test_loggers_with_names_of_their_own_are_read(names, time, current, voltage):

@@ -56,14 +56,14 @@ def test_a_charge_that_no_battery_holds_asks_for_the_unit(write_text):
         read_log(write_text("time,current_A,voltage_V\n" + "\n".join(rows)))
 
 
-@pytest.mark.parametrize("name", ["voltage", "Volt"])
-def test_a_voltage_that_no_battery_has_asks_for_the_unit(write_text, name):
-    rows = [f"{k},{13_200 - 100 * (k % 20 < 10)},{-4_000 * (k % 20 < 10)}" for k in range(200)]
+@pytest.mark.parametrize(("name", "unit", "size"), [("voltage", "mV", 1), ("Volt", "mV", 1), ("voltage", "uV", 1000)])
+def test_a_voltage_that_no_battery_has_asks_for_the_unit(write_text, name, unit, size):
+    rows = [f"{k},{size * (13_200 - 100 * (k % 20 < 10))},{-4_000 * (k % 20 < 10)}" for k in range(200)]
     path = write_text("\n".join([f"time_s,{name},current", *rows]))
-    with pytest.raises(InputError, match=rf"'{name}' is usually 131\d\d V, more than .* --unit voltage=mV"):
+    with pytest.raises(InputError, match=rf"'{name}' is usually 1.?31.* V, more than .* --unit voltage={unit}"):
         read_log(path)
-    assert read_log(path, units={"voltage": "mV", "current": "mA"}).voltage_V.max() == pytest.approx(13.2)
-    assert read_log(path, units={"voltage": "V", "current": "mA"}).voltage_V.max() == 13_200.0
+    assert read_log(path, units={"voltage": unit, "current": "mA"}).voltage_V.max() == pytest.approx(13.2)
+    assert read_log(path, units={"voltage": "V", "current": "mA"}).voltage_V.max() == size * 13_200.0
 
 
 @pytest.mark.parametrize(("interval", "doubted"), [(1.0, False), (5.0, False), (20.0, True), (60.0, True)])

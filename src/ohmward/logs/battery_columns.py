@@ -241,9 +241,8 @@ def _has(
     units: Mapping[str, str] | None = None,
 ) -> Column | None:
     """The column of a channel, if there is one, among all columns but those in `leave`."""
-    optional = channel._replace(required=False)
     of_channel = {quantity: unit for quantity, unit in (units or {}).items() if quantity == channel.name}
-    return find_column(file.source, file.names, optional, file.given(columns), of_channel, leave)
+    return find_column(file.source, file.names, channel, file.given(columns), of_channel, leave, optional=True)
 
 
 def _only(found: Sequence[str]) -> str | None:
@@ -276,9 +275,9 @@ def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
 
 
 #: Names of the column of a state.
-_STATES = words_of("state", "status", "mode", "step type", "md", "step name", "work mode", "direction", "type", "phase",
-                   "operation", "modus", "zustand", "betriebsart", "état", "etat", "estado", "modo", "stato", "状态",
-                   "режим")  # fmt: skip
+_STATES = words_of("state", "status", "power supply status", "mode", "step type", "md", "step name", "work mode",
+                   "direction", "type", "phase", "operation", "modus", "zustand", "betriebsart", "état", "etat",
+                   "estado", "modo", "stato", "状态", "режим")  # fmt: skip
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
@@ -308,7 +307,7 @@ def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[
     signs = np.array([direction[state] for state in states])
     if not (signs < 0).any():
         return current, ()
-    note = Note(f"the current has no sign: it gets that of the state in {name!r}, charge or discharge, taken")
+    note = Note(f"the current has no sign: it gets that of the state in {name!r}, charge or discharge")
     return np.where(signs < 0, 0.0 - current, current), (note,)
 
 

@@ -14,6 +14,7 @@ from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, counted, held, numbers
+from ohmward.logs.units import UNITS
 from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
@@ -486,12 +487,12 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
     highest_V = QUANTITIES["battery_voltage_V"].limits.highest
     if known.max(initial=0.0) <= highest_V or (usual_V := float(np.median(known))) <= highest_V:
         return
-    options = ["--unit", "voltage=mV"]
-    units = {"voltage": "mV"}
-    other = not_in_amperes(table.columns[current.name], 1e-3 * voltage_V) if current.unit is None else None
+    unit = UNITS["mv" if usual_V <= highest_V / UNITS["mv"].scale else "uv"]
+    units = {"voltage": unit.symbol}
+    other = not_in_amperes(table.columns[current.name], unit.in_si(voltage_V)) if current.unit is None else None
     if other and other.scale:
-        options += ["--unit", f"current={other.scale.symbol}"]
         units["current"] = other.scale.symbol
+    options = [word for quantity, symbol in units.items() for word in ("--unit", f"{quantity}={symbol}")]
     raise InputError(
         f"{table.source}: column {voltage.name!r} is usually {usual_V:.5g} V, more than the {highest_V:g} V of any "
         f"battery; say its unit with {' '.join(options)} (units={units}), or, if it is right, voltage=V",

@@ -196,10 +196,12 @@ def find_column(
     columns: Mapping[str, str],
     units: Mapping[str, str],
     leave: Collection[str] = (),
+    optional: bool = False,
 ) -> Column | None:
     """The column of one channel; None only if it is not required. Arguments as in `find_columns`.
 
     leave: columns that must not be guessed.
+    optional: not even a required one is.
     """
     quantity = channel.name
     free = [name for name in names if name not in {*columns.values(), *leave}]
@@ -207,7 +209,7 @@ def find_column(
         column = named_column(source, names, quantity, columns[quantity], quantity in units)
     elif fitting := _best(source, free, channel):
         column = fitting
-    elif channel.required:
+    elif channel.required and not optional:
         near = _nearest(names, channel)
         raise UnclearColumnsError(source, names, {quantity: f"no column for the {quantity} found"}, {quantity: near})
     else:

@@ -114,8 +114,8 @@ _CAPITALS = re.compile(
 )
 # `ms`, `ms_today`: the time of a microcontroller
 _TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
-# `voltage_now`, `current_now`: the files of a power supply under Linux, in millionths
-_POWER_SUPPLY = re.compile(r"^(?P<stem>voltage|current)_(now|avg)$")
+# `voltage_now`, `POWER_SUPPLY_CURRENT_NOW`: the files of a power supply under Linux, in millionths
+_POWER_SUPPLY = re.compile(r"^(?:power_supply_)?(?P<stem>(?P<of>voltage|current)_(?:now|avg))$", re.IGNORECASE)
 #: A name that is itself a unit names the quantity: `Volts`, `millis`; of shorter names only these do.
 _SHORTEST_UNIT_AS_NAME, _UNITS_AS_NAMES = 4, frozenset(("A", "mA", "mV"))
 
@@ -152,7 +152,7 @@ def _divisions(name: str) -> Iterator[tuple[str, Unit | None]]:
     if (found := _TIME_AS_UNIT.match(name)) and (unit := unit_of(found["unit"])):
         yield "time", unit
     if found := _POWER_SUPPLY.match(name):
-        yield name, UNITS["uv" if found["stem"] == "voltage" else "ua"]
+        yield found["stem"], UNITS["uv" if found["of"].lower() == "voltage" else "ua"]
     if (len(name) >= _SHORTEST_UNIT_AS_NAME or name in _UNITS_AS_NAMES) and (unit := unit_of(name)):
         yield unit.dimension, unit
     yield name, None
