@@ -233,8 +233,11 @@ def test_a_unit_that_is_wrong():
     (text,) = texts(RLMA, good(speed_m_s=good().speed_m_s * 3600 / 1852))
     assert "the wheels say 0.514 times the speed" in text and "speed=kn" in text
     meaningless = replace(doubtful, wheel_speed_rad_s=9.55 * good().wheel_speed_rad_s)
-    with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm"):
+    with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm") as refused:
         check_drive(RLMA, meaningless)
+    assert refused.value.options == ("--unit", "wheel_speed=rpm")
+    with pytest.raises(InputError, match=r"the wheels say 0\.12 times the speed.*--unit wheel_speed=m/s"):
+        check_drive(RLMA, replace(doubtful, wheel_speed_rad_s=RLMA.wheel.radius_m * good().wheel_speed_rad_s))
 
 
 def there_and_back(every, std_m_s=0.03, sign=1.0, age_s=0.0):

@@ -62,6 +62,7 @@ _SCALES = {
         Scale(math.pi / 180.0, "degrees per second", "deg/s"),
         Scale(1e-3, "milliradians per second"),
     ),
+    "m/s": (Scale(1 / 3.6, "km/h", "km/h"), Scale(1852 / 3600, "knots", "kn")),
 }
 
 #: 0 K, and room temperature [degC], near which a temperature is likelier.

@@ -18,7 +18,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
 from ohmward.runs import from_to, long_runs
-from ohmward.signals.checks import beyond_limits, stuck
+from ohmward.signals.checks import beyond_limits, scales_of, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
 from ohmward.traction.motion.stuck_gyro import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
@@ -63,6 +63,8 @@ ROBOT_STUCK_S, FEWEST_STUCK = 3.0, 3
 #: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, also if nine of ten samples
 #: are, as slip comes and goes; and certainly wrong.
 RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS = 2.0, 1.4, 5.0
+#: Relative difference up to which that ratio is the one of another unit, or of the gear.
+RATIO_ALIKE = 0.1
 
 
 def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
@@ -373,14 +375,23 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     low, ratio, high = np.quantile(np.abs(wheels[rows] / speed[rows]), [0.1, 0.5, 0.9])
     if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL and low < RATIO_ALWAYS and high > 1 / RATIO_ALWAYS:
         return
-    text = (
-        f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
-        "wheel_speed=rpm or m/s, or speed=kn or km/h, units={'wheel_speed': 'rpm'}), the motors' speed (--motor-shaft, "
-        "at_motor_shaft=True), or another radius in the robot file?"
-    )
+    text = f"the wheels say {ratio:.3g} times the speed that was measured from outside"
+    likely = [options for options, alike in _ratios(robot).items() if abs(ratio - alike) < RATIO_ALIKE * alike]
+    if likely:
+        text += f", as with {' or '.join(map(' '.join, likely))} left out"
+    else:
+        text += "; is it another unit (--unit wheel_speed=... or speed=...), or another radius in the robot file?"
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
-        raise InputError(f"{log.name}: {text}")
+        raise InputError(f"{log.name}: {text}", likely[0] if likely else ())
     yield text
+
+
+def _ratios(robot: Robot) -> dict[tuple[str, ...], float]:
+    """Options that a drive was read without -> speed of the wheels over that from outside, which that makes."""
+    wheels = scales_of(QUANTITIES["wheel_speed_rad_s"], robot.wheel.radius_m)
+    ratios = {f"wheel_speed={scale.symbol}": 1.0 / scale.factor for scale in wheels if scale.symbol}
+    ratios |= {f"speed={scale.symbol}": scale.factor for scale in scales_of(QUANTITIES["speed_m_s"])}
+    return {("--unit", text): ratio for text, ratio in ratios.items()} | {("--motor-shaft",): robot.motor.gear_ratio}
 
 
 def _names(robot: Robot) -> list[str]:
