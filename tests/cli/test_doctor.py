@@ -239,6 +239,18 @@ def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):
     assert "--counts-per-turn" in said and "As the log of a battery: counts.csv: no column for the current" in said
 
 
+def test_a_drive_of_unknown_columns_says_which_to_name(here, refused):
+    Path("x.csv").write_text("time_s,wheel_left,wheel_right\n0,1,1\n1,2,2\n2,3,3\n", encoding="utf-8")
+    assert "--column left_wheel_speed=wheel_left --column right_wheel_speed=wheel_right" in refused("doctor", "x.csv")
+
+
+def test_speeds_at_the_rim_need_no_radius(here, as_json):
+    Path("x.csv").write_text("time_s,left_m_s,right_m_s\n0,1,1\n0.1,2,2\n0.2,3,3\n", encoding="utf-8")
+    (drive,) = as_json("doctor", "x.csv")["drives"]
+    assert drive["survey"]["wheels"]["left"]["maximum"] == 3.0
+    assert any("the radius of the wheels is not known" in note for note in drive["notes"])
+
+
 def _write_pack(path, header, sign=1.0):
     """A drive of a pack of three cells, with the row of their voltages, as `header` calls them."""
     log = drive()

@@ -134,14 +134,16 @@ def find_drive_columns(
 def wheel_places(names: Sequence[str]) -> tuple[str, ...]:
     """Names of the wheels that have a column of speed or position, front and left ones first; () for fewer than two.
 
-    They are corners or sides, `front_left`, `right`, or where the columns have none, numbers.
+    They are corners or sides, `front_left`, `right`, or where the columns have none, numbers; or the sides of two
+    columns that do not say what they are of a wheel, `wheel_left`.
     """
     found = [one for name in names if (one := _of_wheel(name, WHEEL_SPEED) or _of_wheel(name, WHEEL_COUNTS))]
     corners = {"_".join(word for word in _CORNERS_IN_ORDER if word in one.corner) for one in found if one.corner}
     numbers = {str(one.number) for one in found if one.number is not None and not one.corner}
     places = sorted(corners, key=lambda place: [_CORNERS_IN_ORDER.index(word) for word in place.split("_")])
     chosen = tuple(places or sorted(numbers, key=int))
-    return chosen if len(chosen) > 1 else ()
+    of_wheels = [name for name in names if _place(name)[0] <= WHEEL_SPEED.beside[0]]
+    return chosen if len(chosen) > 1 else tuple(columns_of_sides(of_wheels))
 
 
 def _meant(quantity: str, wheels: Wheels) -> list[str]:
@@ -258,10 +260,15 @@ def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Colum
     return column._replace(unit=given_unit(quantity, units[key])) if key else column
 
 
-def _no_wheels(source: str, names: Sequence[str], wheels: Wheels) -> InputError:
+def columns_of_sides(names: Sequence[str]) -> dict[str, str]:
+    """The only column that is named for each side, "left" and "right"; {} unless both have one."""
     sides = {side: [name for name in names if SIDES & set(robot_words(name)) == {side}] for side in ("left", "right")}
-    chosen = {f"{side}_{WHEEL_SPEED.name}": of_side[0] for side, of_side in sides.items() if len(of_side) == 1}
-    if len(chosen) < len(sides) or not any(SIDES & set(place.split("_")) for place in wheels.driven_places):
+    return {side: found[0] for side, found in sides.items()} if all(len(f) == 1 for f in sides.values()) else {}
+
+
+def _no_wheels(source: str, names: Sequence[str], wheels: Wheels) -> InputError:
+    chosen = {f"{side}_{WHEEL_SPEED.name}": name for side, name in columns_of_sides(names).items()}
+    if not any(SIDES & set(place.split("_")) for place in wheels.driven_places):
         chosen = {}
     one = WHEEL_SPEED.name if wheels.steered else f"{wheels.places[0]}_{WHEEL_SPEED.name}"
     given = chosen or {one: "NAME"}

@@ -49,6 +49,8 @@ from ohmward.traction.robot.robot import ROBOT_FILE
 _LOG = "log"
 #: More logs than these are those of a fleet: the next command is one for all of them.
 _MOST_LOGS = 10
+#: Radius of wheels [m] that no robot file gives: their speeds at the rim in m/s are shown as so many rad/s.
+_NO_RADIUS_M = 1.0
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in band_forecast.TEMPERATURES_DEGC)]
@@ -71,12 +73,13 @@ class GivenFiles(NamedTuple):
         """The command that makes the robot file, if there is none; a speed from outside shows its sizes."""
         if kind_of(self.robot) == ROBOT_FILE.noun or Path(self.robot).exists():
             return []
-        sizes = "--radius M --track M" if drive.speed_m_s is None else shlex.quote(path)
-        return [f"ohmward robot {sizes} --mass KG -o {self.robot}"]
+        if drive.speed_m_s is None:
+            return [f"ohmward robot --radius M --track M --mass KG -o {self.robot}"]
+        return [self.next_command("robot", path, "--mass", "KG", "-o", self.robot)]
 
     def next_command(self, command: str, path: str, *options: str) -> str:
         """A command on a log, with the options by which it was read, and further ones."""
-        is_drive, is_battery = command in ("slip", "mission"), command != "slip"
+        is_drive, is_battery = command in ("robot", "slip", "mission"), command not in ("robot", "slip")
         reading = self.drives.reading if is_drive and is_battery else of_kinds(self.drives.reading, is_battery)
         shaft = self.drives.shaft_words if is_drive else []
         return shlex.join(["ohmward", command, path, *options, *reading_words(reading), *shaft])
@@ -107,8 +110,9 @@ def run(args: argparse.Namespace) -> Outcome:
     """
     kinds = {path: kind_of(path) for path in args.files}
     first = {kind: path for path, kind in reversed(kinds.items())}
+    drives = drive_options(args, load_robot(args.robot) if args.robot else None)
     given = GivenFiles(
-        drive_options(args, load_robot(args.robot) if args.robot else None),
+        drives if args.robot else drives._replace(radius_m=_NO_RADIUS_M),
         args.robot or first.get(ROBOT_FILE.noun, "robot.toml"),
         first.get(BATTERY_FILE.noun, "battery.toml"),
     )
@@ -193,7 +197,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
     if places:
         try:
             drive = options._replace(reading=of_kinds(reading, of_battery=False)).read(path, file=file)
-            drive = drive.with_notes(*check_drive(options.robot, drive)) if options.robot else drive
+            drive = drive.with_notes(*(check_drive(options.robot, drive) if options.robot else _without_radius(drive)))
         except InputError as error:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
@@ -267,6 +271,13 @@ def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
     return tuple(place.name for place in robot.places) if robot else found
 
 
+def _without_radius(drive: DriveLog) -> Iterator[Note]:
+    """A warning on speeds that were measured at the rim, so that those in rad/s are not the wheels'."""
+    if any("of a rim of radius" in note.text for note in drive.notes):
+        text = f"the radius of the wheels is not known: with {_NO_RADIUS_M:g} m their rad/s are m/s; give --robot"
+        yield Note(text, "warning")
+
+
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
     """The log of a battery; if the sign of the current is unknown, the likely one is assumed, with a warning."""
     try:
@@ -282,9 +293,8 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
     """True for a file that has a current and a voltage of a battery."""
     cells = cell_names(file.names)
     for channel in (CURRENT, VOLTAGE):
-        optional = channel._replace(required=False)
         try:
-            if find_column(file.source, file.names, optional, columns, {}, cells) is None:
+            if find_column(file.source, file.names, channel, columns, {}, cells, optional=True) is None:
                 return False
         except InputError:  # several fit
             continue
