@@ -439,7 +439,8 @@ def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:
 
 def _title(battery: Battery | Estimator, filter: str) -> str:
     if isinstance(battery, Battery):
-        return f"{chosen_name(filter.lower())}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
+        title = f"{chosen_name(filter.lower())}, {battery.chemistry or battery.name} {battery.capacity_Ah:.3g} Ah"
+        return f"{title}, learnt" if battery.learnt_logs else title
     return type(battery).__name__
 
 
