@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -56,6 +58,16 @@ def from_to(time_s: np.ndarray) -> str:
     """Time span of a run in words: "from 12.5 s to 80 s"."""
     first, last = (f"{at_s:.4g}" if abs(at_s) < 1e4 else f"{at_s:.0f}" for at_s in (time_s[0], time_s[-1]))
     return f"from {first} s to {last} s"
+
+
+def duration(seconds: float) -> str:
+    """A length of time in its natural unit: "12.5 s", "42 min", "9 h 25 min"; "-" where it is not known."""
+    if not math.isfinite(seconds):
+        return "-"
+    if seconds < 120:
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def _ends(condition: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -210,7 +210,7 @@ def test_the_representation_says_what_it_is_and_what_it_knows(subject):
 @each
 def test_a_run_shows_itself_in_a_line(subject):
     run = subject.new().run(subject.log)
-    assert repr(run).startswith(f"{type(run).__name__}({T} samples in 0.000328 h, flags ")
+    assert repr(run).startswith(f"{type(run).__name__}({T} samples in 1.18 s, flags ")
     assert len(repr(run)) < 200
 
 

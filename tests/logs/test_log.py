@@ -64,7 +64,10 @@ def test_a_log_travels_between_processes():
 
 
 def test_its_representation_is_one_line():
-    assert repr(Log("day", np.arange(7200.0), np.zeros(7200), np.full(7200, 13.0))) == "Log('day', 7200 samples in 2 h)"
+    assert (
+        repr(Log("day", np.arange(7200.0), np.zeros(7200), np.full(7200, 13.0)))
+        == "Log('day', 7200 samples in 2 h 00 min)"
+    )
 
 
 def test_describe_names_ranges_missing_values_and_notes():

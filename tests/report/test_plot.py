@@ -11,6 +11,10 @@ X = np.arange(10.0)
 PLOT = Plot("Two & one", [Figure("a", "x [m]", "y", [Series(X, X, "line")]), Figure("b", "x [m]", "y", height_px=100)])
 
 
+def test_a_terminal_shows_a_line():
+    assert repr(PLOT) == "Plot('Two & one'; show it in a notebook, or save('page.html'))"
+
+
 def test_a_notebook_shows_the_page_in_a_frame_that_is_high_enough():
     shown = PLOT._repr_html_()
     assert shown.startswith('<iframe srcdoc="') and shown.endswith("</iframe>")

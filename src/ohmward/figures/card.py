@@ -21,7 +21,7 @@ from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
 from ohmward.figures.health import trend_figures
-from ohmward.figures.numbers import duration, flagged, lognormal, normal, percent, percent_band, quantity, ratio
+from ohmward.figures.numbers import flagged, lognormal, normal, percent, percent_band, quantity, ratio
 from ohmward.figures.plot import range_figures
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.run import Run
@@ -29,6 +29,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.quantities import QUANTITIES
 from ohmward.report.card import card as html_card
+from ohmward.runs import duration
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipRun

@@ -10,16 +10,6 @@ from ohmward.battery.chemistries import Normal
 from ohmward.filters.consistency import BAND_95
 
 
-def duration(seconds: float) -> str:
-    """A length of time in its natural unit: "12.5 s", "42 min", "9 h 25 min"; "-" where it is not known."""
-    if not known(seconds):
-        return "-"
-    if seconds < 120:
-        return f"{seconds:.3g} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
 def percent(share: float | None, digits: int = 2) -> str:
     """A share as a percentage, "-" where it is not known."""
     if not known(share):

@@ -11,8 +11,8 @@ import numpy as np
 
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
-from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.rich_display import RichDisplay
+from ohmward.runs import duration
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,8 +39,9 @@ class Run(RichDisplay, Generic[E]):
         return values
 
     def __repr__(self) -> str:
-        hours = (self.time_s[-1] - self.time_s[0]) / SECONDS_PER_HOUR if len(self.time_s) else 0.0
-        return f"{type(self).__name__}({len(self.time_s)} samples in {hours:.3g} h, flags {self.counts() or 'none'})"
+        length_s = float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) else 0.0
+        flags = self.counts() or "none"
+        return f"{type(self).__name__}({len(self.time_s)} samples in {duration(length_s)}, flags {flags})"
 
     def __dir__(self) -> list[str]:
         """Names of the attributes, with the fields of the estimates."""

@@ -16,8 +16,9 @@ from ohmward.logs.dates import window_s
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
-from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
+from ohmward.quantities import QUANTITIES
 from ohmward.rich_display import RichDisplay
+from ohmward.runs import duration
 
 
 class TimeSeries(RichDisplay):
@@ -33,8 +34,7 @@ class TimeSeries(RichDisplay):
         return self.time_s.size
 
     def __repr__(self) -> str:
-        hours = self.duration_s / SECONDS_PER_HOUR
-        return f"{type(self).__name__}({self.name!r}, {len(self)} samples in {hours:.3g} h)"
+        return f"{type(self).__name__}({self.name!r}, {len(self)} samples in {duration(self.duration_s)})"
 
     @property
     def duration_s(self) -> float:

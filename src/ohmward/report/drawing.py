@@ -102,6 +102,11 @@ _LEGEND_PX, _HEADER_PX = 75, 130
 class Drawing(ABC):
     """Base of drawings that a notebook shows and `save` writes."""
 
+    title: str
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.title!r}; show it in a notebook, or save('page.html'))"
+
     @abstractmethod
     def page(self) -> Page:
         """A page that needs no network."""
@@ -160,7 +165,7 @@ class Drawing(ABC):
         return file.getvalue()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plot(Drawing):
     """Figures on one x axis: they zoom and scroll together."""
 

@@ -60,7 +60,7 @@ class Area(NamedTuple):
     px_per_unit: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Map(Drawing):
     """Lines in plan view at one scale."""
 

@@ -12,10 +12,11 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.wording import fields, paragraphs
 from ohmward.errors import InputError
 from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
-from ohmward.figures.numbers import duration, percent
+from ohmward.figures.numbers import percent
 from ohmward.logs import Log, write_log
 from ohmward.logs.write import TABLES
 from ohmward.report import TIME, Figure, Page, Series
+from ohmward.runs import duration
 from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, record_cell, usual_model
 
 

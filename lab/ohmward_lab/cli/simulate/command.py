@@ -13,12 +13,13 @@ import numpy as np
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
 from ohmward.errors import InputError
-from ohmward.figures.numbers import duration, percent, quantity
+from ohmward.figures.numbers import percent, quantity
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.write import TABLES
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Page, Series
+from ohmward.runs import duration
 from ohmward.traction.score import score_figures
 from ohmward_lab.cli.simulate import OF_CELLS, cell
 from ohmward_lab.simulate import closed_loop

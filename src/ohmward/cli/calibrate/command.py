@@ -14,12 +14,13 @@ from ohmward.cli.drive_inputs import drive_options, read_calibration_drive
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import bullets, fields, paragraphs, table
 from ohmward.errors import InputError
-from ohmward.figures.numbers import duration, percent
+from ohmward.figures.numbers import percent
 from ohmward.figures.slip import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.report import Page
+from ohmward.runs import duration
 from ohmward.traction import load_robot, save_robot
 from ohmward.traction.calibration import Calibration, calibrate, with_wheel_loads
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts

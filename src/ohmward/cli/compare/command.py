@@ -16,9 +16,10 @@ from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import paragraphs, table
 from ohmward.figures import battery as pictures
-from ohmward.figures.numbers import duration, percent, quantity
+from ohmward.figures.numbers import percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.report import Page
+from ohmward.runs import duration
 
 
 def run(args: argparse.Namespace) -> Outcome:

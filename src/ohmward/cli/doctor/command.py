@@ -25,7 +25,7 @@ from ohmward.cli.outcome import Outcome
 from ohmward.cli.wording import assumptions, bullets, fields, paragraphs, sentence, table, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
-from ohmward.figures.numbers import duration, quantity
+from ohmward.figures.numbers import quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
@@ -41,6 +41,7 @@ from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.report import Page
+from ohmward.runs import duration
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.drive_checks import check_drive
 from ohmward.traction.robot.packaged import PACKAGED

@@ -22,7 +22,7 @@ from ohmward.energy.points import Quantiles
 from ohmward.energy.range import summary_of
 from ohmward.errors import InputError
 from ohmward.figures import mission as pictures
-from ohmward.figures.numbers import duration, percent, quantity
+from ohmward.figures.numbers import percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, Note
@@ -34,6 +34,7 @@ from ohmward.logs.selection import select_rows, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import Page
+from ohmward.runs import duration
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_named
 

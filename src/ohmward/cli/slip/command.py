@@ -12,13 +12,14 @@ from ohmward.cli.drive_inputs import DriveReference, drive_options, read_drive_t
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs
 from ohmward.errors import InputError
-from ohmward.figures.numbers import duration, flagged, percent, quantity
+from ohmward.figures.numbers import flagged, percent, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import floor_plots, ground_figures, path_map, speed_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
+from ohmward.runs import duration
 from ohmward.traction import Robot, Terrain, load_robot, observed_drive
 from ohmward.traction.friction.terrain import terrain_named
 from ohmward.traction.robot.robot import motion_from_wheels

@@ -23,13 +23,14 @@ from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, sentence, styled, table, width
 from ohmward.figures import battery as pictures
-from ohmward.figures.numbers import band, duration, flagged, lognormal, normal, percent, percent_band, quantity
+from ohmward.figures.numbers import band, flagged, lognormal, normal, percent, percent_band, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.table import counted
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
+from ohmward.runs import duration
 
 _CAUSES = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
 #: How to read the causes of the band's width.
