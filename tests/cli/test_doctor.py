@@ -213,6 +213,14 @@ def test_many_logs_are_those_of_a_fleet(here, as_json):
     assert as_json("doctor", *words)["next"] == [command]
 
 
+def test_a_folder_of_several_robots_is_that_of_a_fleet(here, refused):
+    Path("logs").mkdir()
+    for robot in ("r1", "r2"):
+        header, *rows = Path("day.csv").read_text().splitlines()
+        Path(f"logs/{robot}.csv").write_text("\n".join([f"{header},robot_id", *(f"{row},{robot}" for row in rows)]))
+    assert "ohmward fleet logs --battery battery.toml -o results" in refused("doctor", "logs")
+
+
 def test_a_battery_file_is_made_first_where_there_is_none(here, as_json, refused):
     Path("battery.toml").unlink()
     make, learn, estimate = as_json("doctor", "day.csv")["next"]

@@ -271,7 +271,7 @@ class RobotRecord(NamedTuple):
 
 
 def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
-    """The robots of a finished job, the worst first: by the number of their alarms, then by their capacity.
+    """The robots of a finished job, the worst first: by their alarms, their capacity, where known, and resistance.
 
     rows: from `RobotJob.run`; logs of no robot are left out.
     """
@@ -287,8 +287,9 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
     return sorted(judged, key=_rank)
 
 
-def _rank(state: RobotRecord) -> tuple[int, float, str]:
-    return -len(state.alarms), np.inf if state.soh_capacity is None else state.soh_capacity, state.robot
+def _rank(state: RobotRecord) -> tuple[int, float, float, str]:
+    capacity = np.inf if state.soh_capacity is None else state.soh_capacity
+    return -len(state.alarms), capacity, -(state.resistance_ratio or 0.0), state.robot
 
 
 def _lost(row: Mapping[str, Any]) -> dict[str, Any]:

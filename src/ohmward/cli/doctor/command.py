@@ -36,7 +36,7 @@ from ohmward.logs.columns import find_column
 from ohmward.logs.doctor import DriveSurvey, Findings, Sampling, Signal, Survey, examine_drive
 from ohmward.logs.log import ReadOptions, UnknownSignError
 from ohmward.logs.read import open_table
-from ohmward.logs.selection import split_selection
+from ohmward.logs.selection import SeveralRecordingsError, split_selection
 from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE
@@ -77,6 +77,11 @@ class GivenFiles(NamedTuple):
         if drive.speed_m_s is None:
             return [f"ohmward robot --radius M --track M --mass KG -o {self.robot}"]
         return [self.next_command("robot", path, "--mass", "KG", "-o", self.robot)]
+
+    def fleet(self, paths: Sequence[str]) -> str:
+        """The command that estimates many logs."""
+        words = reading_words(of_kinds(self.drives.reading, of_battery=True))
+        return shlex.join(["ohmward", "fleet", *paths, "--battery", self.battery, *words, "-o", "results"])
 
     def next_command(self, command: str, path: str, *options: str) -> str:
         """A command on a log, with the options by which it was read, and further ones."""
@@ -122,6 +127,9 @@ def run(args: argparse.Namespace) -> Outcome:
     for path, kind in kinds.items():
         try:
             found += _EXAMINED[kind](path, given)
+        except SeveralRecordingsError as error:
+            of_fleet = f"; or estimate all of them: {given.fleet([path])}" if Path(path).is_dir() else ""
+            refused[path] = InputError(f"{error}{of_fleet}")
         except InputError as error:
             refused[path] = error
     if not found and refused:
@@ -130,12 +138,7 @@ def run(args: argparse.Namespace) -> Outcome:
     following = list(dict.fromkeys(command for part in found for command in part.next_commands))
     logs = [path for path, kind in kinds.items() if kind == _LOG and path not in refused]
     if len(logs) > _MOST_LOGS:
-        folders = list(dict.fromkeys(str(Path(path).parent) for path in logs))
-        words = [*reading_words(of_kinds(given.drives.reading, of_battery=True)), "-o", "results"]
-        following = [
-            *given.make_battery(),
-            shlex.join(["ohmward", "fleet", *folders, "--battery", given.battery, *words]),
-        ]
+        following = [*given.make_battery(), given.fleet(list(dict.fromkeys(str(Path(path).parent) for path in logs)))]
     return Outcome(
         summary={
             "command": "doctor",
