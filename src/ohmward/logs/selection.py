@@ -364,11 +364,11 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
         columns[name] = np.where(last >= 0, values[last], np.nan)
     repeated = time_s.size - first.size
     percent = 100.0 * repeated / time_s.size
-    note = Note(
-        f"{repeated} of {counted(time_s.size, 'row')} ({percent:.3g} %) with the time of the row before: the last "
-        "value of each column kept",
-        "warning" if differ else "info",
-    )
+    text = f"{repeated} of {counted(time_s.size, 'row')} ({percent:.3g} %) with the time of the row before: "
+    if differ:
+        note = Note(f"{text}the last value of each column kept", "warning")
+    else:
+        note = Note(f"{text}joined with it, as no values of theirs differ")
     return table._replace(columns=columns, line=table.line[first]).with_notes(note)
 
 

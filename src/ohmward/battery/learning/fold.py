@@ -355,6 +355,8 @@ def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
         f"capacity: learnt within ± {capacity:.0%} (95 %) from {found.logs} log{'s' * (found.logs != 1)}",
         f"resistances: learnt within a factor of {resistance:.2f} (95 %)",
     ]
-    if seen_soc > _SEEN_TO_THE_END:
+    if seen_soc == 1.0:
+        sentences.append("open-circuit voltage: that of the file, as no log shows its state of charge well enough")
+    elif seen_soc > _SEEN_TO_THE_END:
         sentences.append(f"open-circuit voltage: no log went below {seen_soc:.0%} of charge")
     return (*sentences, *others)
