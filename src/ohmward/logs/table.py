@@ -258,6 +258,7 @@ def choose_topics(
     where: Mapping[str, float | str],
     topics: Mapping[str, str],
     known: Mapping[str, KnownType],
+    otherwise: Sequence[str] = (),
 ) -> list[str]:
     """Names of the topics of a battery or of a drive: those that `where` names, and others by their types.
 
@@ -265,6 +266,7 @@ def choose_topics(
     kind: `battery` or `drive`.
     where: its `topic` names topics, separated by commas.
     topics: name -> type of those in the recording.  known: types that are found.
+    otherwise: those to choose where there are none.
 
     Raises:
         InputError: no such topic, none of this kind, or several of one type and none named.
@@ -285,6 +287,7 @@ def choose_topics(
                 f"(where={{'topic': {found[0]!r}}})"
             )
         chosen += found
+    chosen = chosen or list(otherwise)
     if not chosen:
         first = next(type_ for type_, about in known.items() if about.part == kind)
         raise InputError(

@@ -23,6 +23,7 @@ from ohmward.logs.bags.recording import (
     definitions_of,
     layout_of,
 )
+from ohmward.logs.columns import has_log
 from ohmward.logs.table import (
     BATTERY,
     BOTH,
@@ -39,6 +40,7 @@ from ohmward.logs.table import (
     in_order,
     rows_of,
 )
+from ohmward.logs.wheel_columns import wheel_places
 
 #: Type of messages that are rows of a table written by ohmward.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
@@ -76,6 +78,7 @@ KNOWN = {
 
 _CELL = re.compile(r"cell_(voltage|temperature)\[\d+\]")
 _JOINT = re.compile(r"name\[(\d+)\]")
+_NUMBER = re.compile(r"std_msgs/msg/(?:U?Int|Float)\d+")
 
 
 def column_names(topic: Topic, layout: Layout) -> dict[str, str]:
@@ -313,11 +316,17 @@ def _table_file(
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
         types = {name: messages[0].topic.type for name, messages in first.items()}
-        of_part = choose_topics(source, kind, where, types, KNOWN)
+        of_part = choose_topics(source, kind, where, types, KNOWN, _of_numbers(kind, types))
         return _table_file(recording, source, first, of_part, _unread(kind, types, of_part))
 
     battery = any(topic.type == "sensor_msgs/msg/BatteryState" for topic in topics)
     return TableFile(source, tuple(known), load, TIME, part, "charge" if battery else None)
+
+
+def _of_numbers(kind: str, types: Mapping[str, str]) -> list[str]:
+    """The topics of one number each, topic -> type, if their names are those of a battery's log or of wheels."""
+    names = [name for name, type_ in types.items() if _NUMBER.fullmatch(type_)]
+    return names if (has_log([TIME, *names]) if kind == BATTERY else wheel_places(names)) else []
 
 
 def _unread(kind: str, types: Mapping[str, str], chosen: Collection[str]) -> tuple[Note, ...]:
