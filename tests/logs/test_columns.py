@@ -287,5 +287,6 @@ def test_a_choice_of_last_resort_stands_back(better, worse):
     assert find_columns("log.csv", [*names, worse, better])[quantity].name == better
 
 
-def test_how_a_time_is_written_is_no_part_of_its_name():
-    assert found(["Record", "Test Time(h:min:s)", "I(A)", "U(V)"])["time"] == ("Test Time(h:min:s)", None)
+@pytest.mark.parametrize("name", ["Test Time(h:min:s)", "Total Time (Hours in hh:mm:ss.xxx)"])
+def test_how_a_time_is_written_is_no_part_of_its_name(name):
+    assert found(["Record", name, "I(A)", "U(V)"])["time"] == (name, None)

@@ -135,6 +135,11 @@ def test_lines_of_text_among_the_rows_are_left_out_and_counted(write_text):
     assert [str(note) for note in table.notes] == [expected]
 
 
+def test_a_row_with_a_date_is_no_header(write_text):
+    rows = [f"sensor.u,{'unavailable' if k == 0 else 13.0},2026-05-03 07:15:{k:02d}" for k in range(20)]
+    assert open_csv(write_text("\n".join(["entity_id,state,last_changed", *rows]))).names[:2] == ("entity_id", "state")
+
+
 def test_words_in_many_cells_stay_text(write_text):
     rows = [f"{k},{'idle' if k % 4 == 0 else k}" for k in range(30)]
     assert load(write_text("time_s,state\n" + "\n".join(rows))).columns["state"].dtype == object

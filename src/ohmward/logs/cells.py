@@ -29,6 +29,7 @@ _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
 _DATE_MARKS = r"\d{1,4}\s*[-/.年년]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月월]\s*\d{1,4}|\d{4}-\d{3}"
 _MONTH = r"\b(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*\b"
 _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE)
+_DATE = re.compile(_DATE_MARKS)
 #: Delimiters of cells that occur in no date and no number.
 _MARKS = re.compile(r"[;|\t]")
 _GROUPS_OF_THREE = re.compile(r"^[-+]?[1-9]\d{0,2}(?:,\d{3})+(?P<fraction>\.\d+)?$")
@@ -304,8 +305,13 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
 
 
 def _may_be_header(row: Row, width: int) -> bool:
-    """True for a row of texts as long as the rows of values, except for empty cells and a last remark."""
+    """True for a row of texts as long as the rows of values, except for empty cells and a last remark.
+
+    A row with a date is none: it is one of values whose others are states, `unavailable`.
+    """
     filled = [cell for cell in row if cell.strip()]
+    if any(map(_DATE.search, filled)):
+        return False
     long = len(row) in (width, width + 1) or (len(row) > width and not any(cell.strip() for cell in row[width:]))
     short = width > len(row) >= max(2, width - 1)
     return (long or short) and len(filled) >= max(2, width // 2 - 1) and not is_data(row)

@@ -307,8 +307,8 @@ def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
         yield _rank(channel, bare, None) + _NOTATED, Column(name, None)
 
 
-#: Notation of a time after its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
-_NOTATION = re.compile(r"\s*[(\[]\s*h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
+#: Notation of a time after its name: `(h:min:s)`, `[hh:mm:ss.SSS]`, `(Hours in hh:mm:ss)`.
+_NOTATION = re.compile(r"\s*[(\[]\s*(?:hours in )?h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
 #: A name that says by what the numbers were multiplied: `Amps*100`, `current_x10`.
 _MULTIPLIED = re.compile(r"^(?P<stem>.+?)(?:[\s_(\[]+[xX×]|\s*[*×])\s*(?P<factor>10+)\s*[)\]]?$")
 
