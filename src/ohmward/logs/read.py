@@ -362,7 +362,7 @@ def _read_rows(
         # a column that is not wanted may tell the recordings apart: read all, so that the error names it
         rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
         return rows._replace(table=rows.table.only(names))
-    table = drop_text(table.only({*names, RECORDING}))
+    table = drop_text(table.only({*names, RECORDING} - clock_parts))
     settled = selection.settle_equal_times(table, time, channels & table.columns.keys())
     return RecordedTable(
         settled, columns, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone
