@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -64,11 +64,13 @@ class GivenFiles(NamedTuple):
     robot: str
     battery: str
 
-    def make_battery(self) -> list[str]:
-        """The command that makes the battery file, if there is none."""
-        if Path(self.battery).exists():
-            return []
-        return [f"ohmward generic --chemistry CHEMISTRY --capacity-ah AH --n-series N -o {self.battery}"]
+    def make_battery(self, cells: Collection[str] = ()) -> list[str]:
+        """The command that makes the battery file, if there is none; cells: columns of their voltages."""
+        return (
+            []
+            if Path(self.battery).exists()
+            else [shlex.join(["ohmward", "generic", *_label(cells), "-o", self.battery])]
+        )
 
     def make_robot(self, path: str, drive: DriveLog) -> list[str]:
         """The command that makes the robot file, if there is none; a speed from outside shows its sizes."""
@@ -89,6 +91,11 @@ class GivenFiles(NamedTuple):
         reading = self.drives.reading if is_drive and is_battery else of_kinds(self.drives.reading, is_battery)
         shaft = self.drives.shaft_words if is_drive else []
         return shlex.join(["ohmward", command, path, *options, *reading_words(reading), *shaft])
+
+
+def _label(cells: Collection[str]) -> tuple[str, ...]:
+    """Options for what the label of a battery says; the number of cells where a log has their voltages."""
+    return "--capacity-ah", "AH", "--chemistry", "CHEMISTRY", "--n-series", str(len(cells) or "N")
 
 
 class Part(NamedTuple):
@@ -194,6 +201,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         if not places or _is_of_battery(file, dict(reading.columns)):
             raise
         refused = error
+    cells: set[str] = set()
     if log is not None:
         cells = _cells(log)
         file = file._replace(names=tuple(name for name in file.names if name not in cells))
@@ -210,9 +218,8 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
         found = examine(log)
         of_battery = ("--battery", given.battery)
         if _has_pulses(log, found):
-            label = ("--capacity-ah", "AH", "--chemistry", "CHEMISTRY", "--n-series", "N", "-o", given.battery)
-            commands = [given.next_command("identify", path, *label)]
-        elif commands := given.make_battery():
+            commands = [given.next_command("identify", path, *_label(cells), "-o", given.battery)]
+        elif commands := given.make_battery(cells):
             commands.append(given.next_command("learn", path, *of_battery, "-o", given.battery))
         commands.append(given.next_command("soc", path, *of_battery))
         yield _examined(
@@ -246,7 +253,8 @@ def _examined(
         bullets("Found", sentences) or "Found: nothing suspicious.",
     )
     summary = {"path": path} | asdict(found) | {"worst": found.worst}
-    return Part(kind, title, text, summary, commands, found.notes, found.worst == "error", section)
+    is_wrong = found.worst == "error"  # what the finding advises comes first
+    return Part(kind, title, text, summary, [] if is_wrong else commands, found.notes, is_wrong, section)
 
 
 def _has_pulses(log: Log, found: Findings[Survey]) -> bool:
