@@ -276,7 +276,9 @@ def test_a_battery_with_cells_or_speeds_is_no_drive(tmp_path, as_json, header):
 
 def test_numbered_voltages_beside_a_current_are_cells(tmp_path, as_json):
     _write_pack(tmp_path / "x.csv", "t_s,V1,V2,V3,Ibat,index")
-    (log,) = as_json("doctor", str(tmp_path / "x.csv"))["logs"]
+    found = as_json("doctor", str(tmp_path / "x.csv"))
+    (log,) = found["logs"]
+    assert any("--n-series 3" in command for command in found["next"])
     assert log["survey"]["voltage"]["maximum"] == pytest.approx(drive().voltage_V.max(), rel=1e-3)
 
 

@@ -141,6 +141,11 @@ def find_columns(
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
         free = [name for name in names if name not in {column.name for column in chosen.values()}]
+        if not free and TIME.name in chosen:
+            raise InputError(
+                f"{source}: {'; '.join(faults.values())}; it has no more than {listed(names)}; a state of charge needs "
+                "current and voltage of the battery: record both"
+            )
         choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
         choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
         if "time" in choice and choice["time"] is None:
