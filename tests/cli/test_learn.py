@@ -13,6 +13,7 @@ import pytest
 from cli.examples import battery, drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
+from ohmward.battery.learning.fold import not_identified_sentences
 from ohmward.cli.doctor.command import sources
 from ohmward.cli.main import main
 from ohmward.fleet import learning
@@ -247,6 +248,8 @@ def test_the_file_no_longer_says_what_it_has_learnt_since(here, both_learnt, as_
     assert capacity.endswith("(95 %) from 2 logs")
     assert resistances.startswith("resistances: learnt within a factor of 1.")
     assert sources(new)["learnt from"] == "2 logs, 6.0 h"
+    unplaced = replace(new, knowledge=replace(new.knowledge, seen_from_soc=1.0))
+    assert not_identified_sentences(unplaced)[3].startswith("open-circuit voltage: that of the file")
     as_json("learn", "test.csv", "--battery", "battery.toml", "-o", "tested.toml")
     assert load_battery("tested.toml").not_identified == load_battery("battery.toml").not_identified
 
