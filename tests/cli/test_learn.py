@@ -248,6 +248,7 @@ def test_the_file_no_longer_says_what_it_has_learnt_since(here, both_learnt, as_
     assert capacity.endswith("(95 %) from 2 logs")
     assert resistances.startswith("resistances: learnt within a factor of 1.")
     assert sources(new)["learnt from"] == "2 logs, 6.0 h"
+    assert new.knowledge is not None
     unplaced = replace(new, knowledge=replace(new.knowledge, seen_from_soc=1.0))
     assert not_identified_sentences(unplaced)[3].startswith("open-circuit voltage: that of the file")
     as_json("learn", "test.csv", "--battery", "battery.toml", "-o", "tested.toml")
