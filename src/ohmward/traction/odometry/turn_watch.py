@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import between, every, some
 from ohmward.trace import clip, isfinite, logical_not, maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace.expression import Condition, Scalar
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.odometry.measured_motion import may_scrub
 from ohmward.traction.odometry.modes import lever_m, slip_modes
@@ -98,6 +99,31 @@ class TurnWatch(NamedTuple):
         return some([(self.against_s > SUSPECTED_S) & logical_not(known), self.spins])
 
 
+class YawRates(NamedTuple):
+    """Yaw rates of a sample by gyro and by wheels."""
+
+    gyro_rad_s: Scalar
+    measured: Condition  #: the condition that the gyro was measured
+    wheels_rad_s: Scalar  #: of the wheels, corrected for encoders that are known to count the other way
+    rolled: Condition  #: the condition that all driven wheels were measured
+    encoders_rad_s: Scalar  #: of the wheels as their encoders count
+    reversed_rad_s: list[Scalar]  #: (modes,) of the wheels if the encoders of a mode count the other way
+    rims_m_s: np.ndarray  #: (driven,) speeds of the rims as their encoders count
+
+
+class TurnEvidence(NamedTuple):
+    """Conditions of a sample in which gyro and wheels were both measured."""
+
+    turning: Condition  #: the gyro shows a turn
+    right: Condition  #: and the wheels show the same
+    encoder: Condition  #: they contradict each other, and may agree if encoders of a mode count the other way
+    #: (modes,) the encoders as they count contradict a turn by the gyro, and those of a mode reversed agree with it
+    explains: list[Condition]
+    mirrored: Condition  #: the gyro shows the opposite turn, and no encoder explains it; likewise the two below
+    scaled: Condition  #: the gyro shows far more than the wheels
+    unshown: Condition  #: the gyro shows no turn of wheels that cannot scrub
+
+
 def watch_of_turn(robot: Robot) -> TurnWatch:
     """The watch before the first sample."""
     return TurnWatch(np.zeros(len(slip_modes(robot))))
@@ -105,60 +131,95 @@ def watch_of_turn(robot: Robot) -> TurnWatch:
 
 def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Robot) -> TurnWatch:
     """The watch after a sample, which comes so long after the last speeds of all wheels."""
-    n, by_rims, modes = robot.driven, robot.motion_by_rims, slip_modes(robot)
-    rolled, gyro_rad_s = every(clean.wheel_measured[:n]), clean.yaw_rate_rad_s
-    measured = isfinite(gyro_rad_s)
-    rims_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]
-    encoder_rad_s = by_rims[-1] @ rims_m_s
-    turned = [encoder_rad_s - 2.0 * sum(by_rims[-1, i] * rims_m_s[i] for i in mode) for mode in modes]
-    wheels_rad_s = encoder_rad_s
-    for known, rate in zip(before.reversed, turned, strict=True):
-        wheels_rad_s = where(known, rate, wheels_rad_s)
-    compared = rolled & measured
-    turning = compared & (abs(gyro_rad_s) > COUNTED_TURN_RAD_S)
-    share = RIGHT_SHARE if robot.chassis.scrubs else ROLLING_SHARE
-    alike = [turning & is_share(gyro_rad_s, rate, share) for rate in turned]
-    unlike = logical_not(is_share(abs(gyro_rad_s), abs(encoder_rad_s), RIGHT_SHARE))
-    explains = [unlike & condition for condition in alike]
-    straight = compared & logical_not(turning) & (abs(wheels_rad_s) > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S)
-    may_count_back = some([False, *alike, *(straight & (abs(rate) < COUNTED_TURN_RAD_S) for rate in turned)])
-    right = turning & is_share(gyro_rad_s, wheels_rad_s, RIGHT_SHARE)
-    encoder = may_count_back & logical_not(right)
-    mirrored = turning & is_share(-gyro_rad_s, wheels_rad_s, RIGHT_SHARE) & logical_not(encoder)
-    unshown = straight & logical_not(some([may_count_back, may_scrub(robot)]))
-    is_faster = (abs(wheels_rad_s) > COUNTED_TURN_RAD_S) & (abs(gyro_rad_s) > OTHER_UNIT_RATIO * abs(wheels_rad_s))
-    scaled = turning & is_faster & logical_not(encoder)
+    rates = yaw_rates(before, clean, robot)
+    evidence = compare(rates, robot)
+    counted = count_evidence(before, evidence, since_s)
+    after = count_turn(counted, rates, where(rates.rolled, since_s, 0.0), robot)
+    agrees = evidence.right & (after.against_s <= 0.0)
+    since_now = after._replace(scaled_s=0.0, apart_rad=0.0, most_rad=0.0, turned_rad=0.0, way_m=0.0, agrees=1.0)
+    return choose(agrees, since_now, after._replace(agrees=0.0))
 
-    scaled_s = where(scaled, SCALED_COUNTS * since_s, where(unshown, UNSHOWN_COUNTS * since_s, 0.0))
-    scaled_s = where(mirrored, -since_s, scaled_s)
-    wrong_s = where(right, -since_s, abs(scaled_s))
-    encoder_s = where(right, -since_s, where(encoder, since_s, 0.0))
+
+def yaw_rates(before: TurnWatch, clean: CleanSample, robot: Robot) -> YawRates:
+    """Yaw rates of a sample; before: the watch after the last one."""
+    to_yaw_rate = robot.motion_by_rims[-1]
+    rims_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[: robot.driven]
+    encoders_rad_s = to_yaw_rate @ rims_m_s
+    wheels_rad_s = encoders_rad_s
+    reversed_rad_s: list[Scalar] = []
+    for mode, is_reversed in zip(slip_modes(robot), before.reversed, strict=True):
+        of_mode_rad_s = sum(to_yaw_rate[i] * rims_m_s[i] for i in mode)
+        reversed_rad_s.append(encoders_rad_s - 2.0 * of_mode_rad_s)
+        wheels_rad_s = where(is_reversed, reversed_rad_s[-1], wheels_rad_s)
+    measured = isfinite(clean.yaw_rate_rad_s)
+    rolled = every(clean.wheel_measured[: robot.driven])
+    return YawRates(clean.yaw_rate_rad_s, measured, wheels_rad_s, rolled, encoders_rad_s, reversed_rad_s, rims_m_s)
+
+
+def compare(rates: YawRates, robot: Robot) -> TurnEvidence:
+    """The evidence of a sample."""
+    gyro_rad_s, wheels_rad_s = rates.gyro_rad_s, rates.wheels_rad_s
+    compared = rates.rolled & rates.measured
+    turning = compared & (abs(gyro_rad_s) > COUNTED_TURN_RAD_S)
+    wheels_alone = compared & logical_not(turning) & (abs(wheels_rad_s) > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S)
+
+    share = RIGHT_SHARE if robot.chassis.scrubs else ROLLING_SHARE
+    alike = [turning & is_share(gyro_rad_s, rate, share) for rate in rates.reversed_rad_s]
+    straight = [wheels_alone & (abs(rate) < COUNTED_TURN_RAD_S) for rate in rates.reversed_rad_s]
+    may_be_reversed = some([False, *alike, *straight])
+    contradicted = logical_not(is_share(abs(gyro_rad_s), abs(rates.encoders_rad_s), RIGHT_SHARE))
+
+    right = turning & is_share(gyro_rad_s, wheels_rad_s, RIGHT_SHARE)
+    encoder = may_be_reversed & logical_not(right)
+    too_large = (abs(wheels_rad_s) > COUNTED_TURN_RAD_S) & (abs(gyro_rad_s) > OTHER_UNIT_RATIO * abs(wheels_rad_s))
+    return TurnEvidence(
+        turning=turning,
+        right=right,
+        encoder=encoder,
+        explains=[contradicted & condition for condition in alike],
+        mirrored=turning & is_share(-gyro_rad_s, wheels_rad_s, RIGHT_SHARE) & logical_not(encoder),
+        scaled=turning & too_large & logical_not(encoder),
+        unshown=wheels_alone & logical_not(some([may_be_reversed, may_scrub(robot)])),
+    )
+
+
+def count_evidence(before: TurnWatch, evidence: TurnEvidence, since_s: Scalar) -> TurnWatch:
+    """The watch with the times for and against a wrong gyro and encoders that count the other way."""
+    scaled_s = where(evidence.unshown, UNSHOWN_COUNTS * since_s, 0.0)
+    scaled_s = where(evidence.scaled, SCALED_COUNTS * since_s, scaled_s)
+    scaled_s = where(evidence.mirrored, -since_s, scaled_s)
+    wrong_s = where(evidence.right, -since_s, abs(scaled_s))
     # A gyro that has been right is doubted by wheels that spin only once it is wrong.
-    doubted_s = where(unshown, where(before.wrong_s < 0.0, 0.0, since_s), wrong_s)
-    against_s = clip(before.against_s + where(encoder, since_s, doubted_s), 0.0, MOST_WRONG_S)
-    agrees = right & (against_s <= 0.0)
-    rolled_s = where(rolled, since_s, 0.0)
-    apart_rad = before.apart_rad + where(measured, wheels_rad_s - gyro_rad_s, 0.0) * rolled_s
-    along_rad_s, of_turn_rad_s = abs(by_rims[0] @ rims_m_s) / lever_m(robot), abs(wheels_rad_s)
-    spins_rad_s = where(of_turn_rad_s > along_rad_s, of_turn_rad_s, -along_rad_s) if modes else 0.0
-    spins_rad = clip(before.spins_rad + spins_rad_s * rolled_s, 0.0, 2.0 * MOST_SPINS_RAD)
-    counted = zip(before.reversed_s, explains, strict=True)
-    return TurnWatch(
-        reversed_s=np.array([
-            clip(time_s + where(explained, since_s, where(turning, -since_s, 0.0)), -REVERSED_S, 2.0 * REVERSED_S)
-            for time_s, explained in counted
-        ]),
+    unshown_s = where(before.wrong_s < 0.0, 0.0, since_s)
+    against_s = where(evidence.unshown, unshown_s, wrong_s)
+    against_s = where(evidence.encoder, since_s, against_s)
+    encoder_s = where(evidence.encoder, since_s, 0.0)
+    encoder_s = where(evidence.right, -since_s, encoder_s)
+    reversed_s = where(np.array(evidence.explains), since_s, where(evidence.turning, -since_s, 0.0))
+    return before._replace(
+        reversed_s=clip(before.reversed_s + reversed_s, -REVERSED_S, 2.0 * REVERSED_S),
         wrong_s=clip(before.wrong_s + wrong_s, -MOST_WRONG_S, MOST_WRONG_S),
-        scaled_s=where(agrees, 0.0, clip(before.scaled_s + scaled_s, -MOST_WRONG_S, MOST_WRONG_S)),
-        against_s=against_s,
+        scaled_s=clip(before.scaled_s + scaled_s, -MOST_WRONG_S, MOST_WRONG_S),
+        against_s=clip(before.against_s + against_s, 0.0, MOST_WRONG_S),
         encoder_s=clip(before.encoder_s + encoder_s, 0.0, MOST_WRONG_S),
-        spins_rad=where(measured, 0.0, spins_rad),
-        apart_rad=where(agrees, 0.0, apart_rad),
-        most_rad=where(agrees, 0.0, maximum(before.most_rad, abs(apart_rad))),
-        turned_rad=where(agrees, 0.0, before.turned_rad + wheels_rad_s * rolled_s),
-        way_m=where(agrees, 0.0, before.way_m + sum(abs(rims_m_s)) / n * rolled_s),
-        agrees=where(agrees, 1.0, 0.0),
-    )  # fmt: skip
+    )
+
+
+def count_turn(before: TurnWatch, rates: YawRates, dt_s: Scalar, robot: Robot) -> TurnWatch:
+    """The watch with the turn and the way of a step in which the wheels rolled for this time."""
+    wheels_rad_s = rates.wheels_rad_s
+    turns_rad_s = abs(wheels_rad_s)
+    along_rad_s = abs(robot.motion_by_rims[0] @ rates.rims_m_s) / lever_m(robot)
+    spins_rad_s = where(turns_rad_s > along_rad_s, turns_rad_s, -along_rad_s) if rates.reversed_rad_s else 0.0
+    spins_rad = clip(before.spins_rad + spins_rad_s * dt_s, 0.0, 2.0 * MOST_SPINS_RAD)
+    apart_rad = before.apart_rad + where(rates.measured, wheels_rad_s - rates.gyro_rad_s, 0.0) * dt_s
+    return before._replace(
+        spins_rad=where(rates.measured, 0.0, spins_rad),
+        apart_rad=apart_rad,
+        most_rad=maximum(before.most_rad, abs(apart_rad)),
+        turned_rad=before.turned_rad + wheels_rad_s * dt_s,
+        way_m=before.way_m + sum(abs(rates.rims_m_s)) / robot.driven * dt_s,
+    )
 
 
 def is_share(rate: Any, of: Any, limits: tuple[float, float]) -> Any:
