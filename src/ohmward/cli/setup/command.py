@@ -305,18 +305,19 @@ def _battery(args: argparse.Namespace, signals: Sequence[str], voltage_V: float)
         return _File(path, BATTERY_FILE.dump(generic_battery(args.chemistry, args.capacity_ah, n_series)))
     if not (args.chemistry or args.capacity_ah) and noun_of(path) == BATTERY_FILE.noun:
         return _File(path)
-    in_series, n_series = "how many of its cells are in series?", 8
+    n_series = 8
+    in_series = "how many of its cells are in series?"
     if voltage_V > 0.0:
         usual = args.chemistry or _CHEMISTRY
         n_series = _cells_in_series(usual, voltage_V)
         in_series += f" {voltage_V:.4g} V suggest about {n_series} of {usual}"
-    asked = (
-        (args.chemistry, "of which chemistry is the battery? Or its file, --battery FILE.toml", "--chemistry",
-         _CHEMISTRY),
-        (args.capacity_ah, "which capacity [Ah] is on its label?", "--capacity-ah", "40"),
-        (args.n_series or cells, in_series, "--n-series", str(n_series)),
-    )  # fmt: skip
-    return _File(None, "", tuple(Question(*question) for known, *question in asked if signals and not known))
+    of_chemistry = "of which chemistry is the battery? Or its file, --battery FILE.toml"
+    answers = {
+        Question(of_chemistry, "--chemistry", _CHEMISTRY): args.chemistry,
+        Question("which capacity [Ah] is on its label?", "--capacity-ah", "40"): args.capacity_ah,
+        Question(in_series, "--n-series", str(n_series)): args.n_series or cells,
+    }
+    return _File(None, questions=_unanswered(answers) if signals else ())
 
 
 def _cells_in_series(name: str, voltage_V: float) -> int:
@@ -333,19 +334,25 @@ def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
     if args.robot:
         load_robot(args.robot)
         return _File(str(args.robot))
-    sizes = args.mass_kg, args.wheel_radius_m, args.track_m
+    sizes = (args.mass_kg, args.wheel_radius_m, args.track_m)
     if all(sizes):
         layout = "skid-steer" if (args.wheels or len(wheels)) > 2 else "two-wheel"
-        return _File(path, ROBOT_FILE.dump(generic_robot(*sizes, args.wheelbase_m, args.gear, layout, args.name)))
+        made = generic_robot(*sizes, args.wheelbase_m, args.gear, layout, args.name)
+        return _File(path, ROBOT_FILE.dump(made))
     if not any(sizes) and noun_of(path) == ROBOT_FILE.noun:
         return _File(path)
-    asked = (
-        (args.mass_kg, f"what does the robot weigh [kg]? Or its file, --robot FILE.toml, or {', '.join(PACKAGED)}",
-         "--mass-kg", "60"),
-        (args.wheel_radius_m, "what is the radius of its wheels [m]?", "--wheel-radius-m", "0.1"),
-        (args.track_m, "how far apart are its left and right wheels [m]?", "--track-m", "0.45"),
-    )  # fmt: skip
-    return _File(None, "", tuple(Question(*question) for known, *question in asked if wheels and not known))
+    of_mass = f"what does the robot weigh [kg]? Or its file, --robot FILE.toml, or {', '.join(PACKAGED)}"
+    answers = {
+        Question(of_mass, "--mass-kg", "60"): args.mass_kg,
+        Question("what is the radius of its wheels [m]?", "--wheel-radius-m", "0.1"): args.wheel_radius_m,
+        Question("how far apart are its left and right wheels [m]?", "--track-m", "0.45"): args.track_m,
+    }
+    return _File(None, questions=_unanswered(answers) if wheels else ())
+
+
+def _unanswered(answers: Mapping[Question, Any]) -> tuple[Question, ...]:
+    """The questions without an answer."""
+    return tuple(question for question, answer in answers.items() if not answer)
 
 
 def _ask(questions: Sequence[Question]) -> list[str]:
