@@ -217,26 +217,75 @@ def as_drive(source: DriveSource, robot: Any) -> DriveLog:
 def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, mechanics: Mechanics) -> DriveLog:
     """Build the log from the rows with any measurement, in SI units, with corrected motor currents."""
     table = rows.table
+    time = found.columns["time"]
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
-    time = found.columns["time"]
     time_s, burst_notes = wheel_columns.without_bursts(table, table.columns[time.name], columns, mechanics)
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
     require_plausible_drive(file.source, time, time_s, rows.guessed_unit)
     speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
-    current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
-    names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
-    current_A, shared = _share(current_A, names)
-    current_A, signed = _sign(current_A, speed_rad_s[:, : wheels.driven])
-    current_A, bridged = _bridge(time_s, current_A, np.isfinite(speed_rad_s).any(axis=1), wheels.driven_places)
+    current_A, current_notes = _motor_currents(time_s, channels, columns, speed_rad_s, wheels)
     body = {channel.name: channels[channel.name] for channel in BODY_CHANNELS if channel.name in channels}
-    notes = [*wheel_columns.unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
-    notes += [*_use_angles(time_s, body), *shared, *signed, *bridged]
-    is_measured = np.isfinite(np.column_stack([speed_rad_s, current_A, *body.values()])).any(axis=1)
+    angle_notes = _use_angles(time_s, body)
+    is_measured, dropped = _rows_with_values(file.source, [speed_rad_s, current_A, *body.values()])
+    fields = {q.field: body[q.channel] for q in QUANTITIES.values() if q.owner == "body" and q.channel in body}
+    fields_of_log = {name: fields.pop(name) for name in BODY if name in fields}
+    other_columns = {name: column for name, column in table.columns.items() if name not in rows.own}
+    log = DriveLog(
+        name=file.stem,
+        time_s=time_s,
+        wheel_speed_rad_s=speed_rad_s,
+        motor_current_A=current_A,
+        **fields_of_log,
+        extra={**fields, **other_columns},
+        notes=(
+            *table.notes,
+            *wheel_columns.unit_notes(columns, mechanics),
+            *conversion_notes,
+            *burst_notes,
+            *turn_notes,
+            *angle_notes,
+            *current_notes,
+            *dropped,
+            *_wheel_notes(found, columns, wheels),
+            *gap_notes(time_s),
+        ),
+        start_unix_s=rows.start_unix_s,
+        time_zone=rows.time_zone,
+    )
+    return log.select(is_measured)
+
+
+def _motor_currents(
+    time_s: np.ndarray,
+    channels: Mapping[str, np.ndarray],
+    columns: Mapping[str, Column],
+    speed_rad_s: np.ndarray,
+    wheels: Wheels,
+) -> Mended:
+    """The current of each motor (T, driven), with its sign, in the rows with speeds of wheels."""
+    quantities = wheels.of(MOTOR_CURRENT)
+    names = [columns[q].name if q in columns else "" for q in quantities.values()]
+    wheels_measured = np.isfinite(speed_rad_s).any(axis=1)
+    current_A, shared = _share(_side_by_side(channels, quantities, time_s), names)
+    current_A, signed = _sign(current_A, speed_rad_s[:, : wheels.driven])
+    current_A, bridged = _bridge(time_s, current_A, wheels_measured, wheels.driven_places)
+    return current_A, [*shared, *signed, *bridged]
+
+
+def _rows_with_values(source: str, values: Sequence[np.ndarray]) -> Mended:
+    """True (T,) for rows with any of these values, (T,) or (T, wheels), and a note on others; InputError for no row."""
+    is_measured = np.isfinite(np.column_stack(values)).any(axis=1)
     if not is_measured.any():
-        raise InputError(f"{file.source}: no row has the speed of a wheel or anything else that the robot measured")
-    if not is_measured.all():
-        notes.append(Note(f"{counted(int((~is_measured).sum()), 'row')} in which nothing was measured: dropped"))
+        raise InputError(f"{source}: no row has the speed of a wheel or anything else that the robot measured")
+    if is_measured.all():
+        return is_measured, []
+    return is_measured, [Note(f"{counted(int((~is_measured).sum()), 'row')} in which nothing was measured: dropped")]
+
+
+def _wheel_notes(found: Found, columns: Mapping[str, Column], wheels: Wheels) -> list[Note]:
+    """Notes on wheels that were identified by number, and on channels that driven ones do not have."""
+    notes = []
     if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
         text = f"wheels identified by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
         notes.append(Note(text, "warning"))
@@ -244,23 +293,7 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
         absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
         if absent and not wheels.steered:
             notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
-    of_body = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body" and quantity.channel in body]
-    values = {quantity.field: body[quantity.channel] for quantity in of_body}
-    log = DriveLog(
-        name=file.stem,
-        time_s=time_s,
-        wheel_speed_rad_s=speed_rad_s,
-        motor_current_A=current_A,
-        **{name: column for name, column in values.items() if name in BODY},
-        extra={
-            **{name: column for name, column in values.items() if name not in BODY},
-            **{name: column for name, column in table.columns.items() if name not in rows.own},
-        },
-        notes=(*table.notes, *notes, *gap_notes(time_s)),
-        start_unix_s=rows.start_unix_s,
-        time_zone=rows.time_zone,
-    )
-    return log.select(is_measured)
+    return notes
 
 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
