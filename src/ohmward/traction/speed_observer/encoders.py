@@ -22,7 +22,7 @@ from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
 from ohmward.trace import logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace.expression import Condition, Scalar
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
@@ -51,6 +51,16 @@ class FreeWheels(NamedTuple):
 
     start_rad_s: np.ndarray  #: speed at the last value of the encoder
     motor_rad_s: np.ndarray  #: change since then, the sum of dt tau / J_w
+
+
+class EncoderValue(NamedTuple):
+    """Speed of a driven wheel by its encoder."""
+
+    k: int  #: number of the wheel
+    measured: Condition
+    y: Scalar  #: speed [rad/s] at the end of the step
+    R: Scalar  #: variance of the encoder
+    torque_noise: Scalar  #: standard deviation of the predicted speed by the error of the torque
 
 
 class RejectedFor(NamedTuple):
@@ -111,9 +121,10 @@ def correct_wheels(
     for k in range(model.driven):
         y = clean.wheel_speed_rad_s[k] + lag[k]
         R = model.stds(clean).encoder_rad_s[k] ** 2
-        possible = possible_speeds(k, free, belief, R, torque_noise[k], model)
+        encoder = EncoderValue(k, clean.wheel_measured[k], y, R, torque_noise[k])
+        possible = possible_speeds(encoder, free, belief, model)
         earlier = RejectedFor(rejected.gate_s[k], rejected.impossible_s[k])
-        wheels.append(correct_wheel(belief, k, y, R, possible, torque_noise[k], earlier, clean, model, gate))
+        wheels.append(correct_wheel(belief, encoder, possible, earlier, clean, model, gate))
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
     suspect = some(s > gate.reset_after_s for s in rejected.gate_s)
@@ -124,35 +135,31 @@ def correct_wheels(
 
 def correct_wheel(
     prior: Belief,
-    k: int,
-    y: Scalar,
-    R: Scalar,
+    encoder: EncoderValue,
     possible: PossibleSpeeds,
-    torque_noise: Scalar,
     before: RejectedFor,
     clean: CleanSample,
     model: Model,
     gate: EncoderGate,
 ) -> WheelCorrection:
-    """The prior corrected with the speed y of driven wheel k; an encoder that is not used only widens it.
+    """The prior corrected with the speed of a driven wheel; an encoder that is not used only widens it.
 
-    R: variance of the encoder.
     possible: speeds that the wheel can have.
-    torque_noise: standard deviation of the predicted speed by the error of the torque.
     before: time for which the encoder has been outside its gate before.
     """
+    k, measured, y, R, _ = encoder
     i = model.layout.wheel(k)
     nu = y - prior.mean[i]
     S = prior.cov[i, i] + R
     rejected = nu * nu > gate.nis * S
     impossible = rejected & ((y < possible.least) | (y > possible.most))
-    spike = clean.wheel_measured[k] & impossible & (before.impossible_s < SPIKE_S)
+    spike = measured & impossible & (before.impossible_s < SPIKE_S)
     diverged = before.gate_s > gate.reset_after_s
-    used_now = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
+    used_now = measured & logical_not(diverged) & logical_not(spike)
 
     jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_informative else nu
     opened = choose(used_now & rejected, ground_unknown(prior, k, jumped, model), prior)
-    posterior = correct_speed(opened, i, y, R, used_now, torque_noise, model)
+    posterior = correct_speed(opened, encoder, used_now, model)
     added_variance = where(used_now, 0.0, rejected_variance(prior, k, clean.modelled_s, model))
     return WheelCorrection(
         belief=inflate(posterior, 0, added_variance),
@@ -160,21 +167,20 @@ def correct_wheel(
         ground_changed=used_now & rejected,
         spike=spike,
         rejected=RejectedFor(
-            time_rejected(before.gate_s, clean.dt_s, rejected, clean.wheel_measured[k] & logical_not(spike)),
-            time_rejected(before.impossible_s, clean.dt_s, impossible, clean.wheel_measured[k]),
+            time_rejected(before.gate_s, clean.dt_s, rejected, measured & logical_not(spike)),
+            time_rejected(before.impossible_s, clean.dt_s, impossible, measured),
         ),
     )
 
 
-def correct_speed(
-    belief: Belief, i: int, y: Scalar, R: Scalar, used: Scalar, torque_noise: Scalar, model: Model
-) -> Belief:
-    """The belief corrected with the speed y of the wheel with state i; the stiffness gets its true share of it."""
-    posterior = correct_state(belief, i, y, R, used)
+def correct_speed(belief: Belief, encoder: EncoderValue, used: Condition, model: Model) -> Belief:
+    """The belief corrected with the speed of a wheel; the stiffness gets its true share of it."""
+    i = model.layout.wheel(encoder.k)
+    posterior = correct_state(belief, i, encoder.y, encoder.R, used)
     if not model.states.stiffness:
         return posterior
     j = model.layout.index("log_stiffness")
-    return with_part_of_gain(belief, posterior, j, true_share(belief, i, j, torque_noise))
+    return with_part_of_gain(belief, posterior, j, true_share(belief, i, j, encoder.torque_noise))
 
 
 def true_share(belief: Belief, i: int, j: int, noise: Scalar) -> Scalar:
@@ -199,25 +205,23 @@ def with_part_of_gain(before: Belief, after: Belief, i: int, share: Scalar) -> B
     return Belief(mean, cov)
 
 
-def possible_speeds(
-    k: int, free: FreeWheels, prior: Belief, R: Scalar, torque_noise: Scalar, model: Model
-) -> PossibleSpeeds:
-    """Speeds [rad/s] that driven wheel k can have at the end of a step, with room for their uncertainty.
+def possible_speeds(encoder: EncoderValue, free: FreeWheels, prior: Belief, model: Model) -> PossibleSpeeds:
+    """Speeds [rad/s] that a driven wheel can have at the end of a step, with room for their uncertainty.
 
     Without traction the motor turns the wheel alone, by dt tau/J_w in each step since its encoder's last value; with
     full traction the wheel rolls, at v/r. Every other ground, and the estimated one, ends in between.
 
     prior: belief at the end of the step.
-    R: variance of the encoder.
-    torque_noise: standard deviation of the predicted speed by the error of the torque.
     """
-    robot, i = model.scene.robot, model.layout.wheel(k)
+    robot = model.scene.robot
+    k = encoder.k
+    i = model.layout.wheel(k)
     motor = free.motor_rad_s[k]
     alone = free.start_rad_s[k] + motor
     G = robot.rolling[k]
     rolling = G @ prior.mean[: robot.freedoms] / robot.wheel.radius_m
     rolling_variance = G @ prior.cov[: robot.freedoms, : robot.freedoms] @ G / robot.wheel.radius_m**2
-    room = POSSIBLE_SIGMAS * sqrt(maximum(prior.cov[i, i], rolling_variance) + torque_noise**2 + R)
+    room = POSSIBLE_SIGMAS * sqrt(maximum(prior.cov[i, i], rolling_variance) + encoder.torque_noise**2 + encoder.R)
     room = room + TORQUE_SHARE * abs(motor)
     least = minimum(minimum(alone, rolling), prior.mean[i])
     most = maximum(maximum(alone, rolling), prior.mean[i])
