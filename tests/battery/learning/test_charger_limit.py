@@ -9,11 +9,18 @@ from battery.anchor_examples import day, label
 from ohmward.battery.battery import Knowledge, Provenance, SeenLog
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence, raised_to, with_full_at
+from ohmward.battery.learning.charger_limit import (
+    full_at_charger_limit,
+    limit_sentence,
+    raised_to,
+    with_charge_seen,
+    with_full_at,
+)
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
-from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
+from ohmward.battery.soc.anchors import charger_limit_V, find_anchors, with_known_full
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag
+from ohmward.logs.log import Log
 from ohmward_lab.simulate import BATTERIES
 
 #: Voltage of a full simulated cell is 4.18 V; its charger stops at this one [V].
@@ -80,6 +87,15 @@ def test_a_charge_shows_where_full_is(limit_V):
     assert full_at_charger_limit(label("nca"), log).noise.full_soc_std == 0.0
     broken_off = log.between(0.0, 3600.0)
     assert full_at_charger_limit(label("nca"), broken_off).noise.full_soc_std > 0.0
+
+
+@pytest.mark.parametrize(("soc", "current_C", "left"), [(0.98, 0.0, 0.02), (0.98, 0.5, None), (0.9, 0.0, None)])
+def test_full_is_no_farther_below_its_curve_than_a_voltage_without_charge(soc, current_C, left):
+    battery = label("nca")
+    voltage_V = np.full(60, float(battery.thevenin.ocv.mean_V(soc, 25.0)))
+    log = Log("rest", np.arange(60.0), np.full(60, current_C * battery.capacity_Ah), voltage_V)
+    expected = battery.noise.full_soc_std if left is None else left
+    assert with_charge_seen(battery, log).noise.full_soc_std == pytest.approx(expected, abs=2e-3)
 
 
 @pytest.mark.parametrize("soc", [0.3, 0.6])
@@ -149,7 +165,7 @@ def test_a_full_end_that_is_known_stays():
     log, _ = lower_charge()
     tested = replace(label("nca"), identification=Provenance(3.0))
     assert full_at_charger_limit(tested, log) is tested
-    anchored = replace(label("nca"), knowledge=Knowledge((), (), (SeenLog("day", anchors=1),)))
+    anchored = replace(with_known_full(label("nca")), knowledge=Knowledge((), (), (SeenLog("day", anchors=1),)))
     assert full_at_charger_limit(anchored, log) is anchored
     lead = generic_battery("lead-acid", 7.0, 6)
     assert full_at_charger_limit(lead, log) is lead

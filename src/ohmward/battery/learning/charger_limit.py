@@ -27,11 +27,14 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS
 from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors, rule_of, with_known_full
+from ohmward.battery.soc.coulomb import REST_CURRENT_C
 from ohmward.logs.log import Log
 
 #: A full end was lowered by more than 7 % of SoC, twice the error of a label's curve there. It is raised by no less
 #: than this factor: a full battery at rest lies some 30 mV below its charger.
 _LEAST_RAISE = 1.05
+#: A voltage counts once so many samples reach it: fewer may be glitches.
+_REACHED_BY = 5
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
@@ -41,7 +44,7 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     """
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
-    known = with_known_full(battery)
+    battery, known = with_charge_seen(battery, log), with_known_full(battery)
     rule, full = rule_of(known), [a for a in find_anchors(log, known) if a.kind == "full charge"]
     if full:
         battery = known
@@ -52,6 +55,20 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
         return raised_to(battery, max(full_V, default=0.0))
     limit_V = charger_limit_V(log, known)
     return battery if limit_V is None else with_full_at(known, float(rule.soc_at(limit_V)))
+
+
+def with_charge_seen(battery: Battery, log: Log) -> Battery:
+    """The battery whose full end is no farther below that of its curve than this log shows it charged.
+
+    No voltage without a charging current is above that at which the charger stops.
+    """
+    noise = battery.noise
+    not_charging = log.current_A <= REST_CURRENT_C * battery.capacity_Ah
+    highest_V = np.sort(log.voltage_V[not_charging & np.isfinite(log.voltage_V)])[-_REACHED_BY:]
+    if not noise.full_soc_std or highest_V.size < _REACHED_BY:
+        return battery
+    farthest = 1.0 - float(rule_of(battery).soc_at(highest_V[0]))
+    return replace(battery, noise=replace(noise, full_soc_std=min(noise.full_soc_std, farthest)))
 
 
 def raised_to(battery: Battery, full_V: float) -> Battery:
