@@ -82,6 +82,10 @@ minutes.
 def main() -> int:
     chosen = arguments(sys.argv[1:])
     wanted = [part for part in parts() if all(word.lower() in part.name.lower() for word in chosen.words)]
+    if not wanted:
+        names = "; ".join(part.name for part in parts())
+        print(f"no part has {' and '.join(chosen.words)} in its name; there are: {names}", file=sys.stderr)
+        return 2
     with ProcessPoolExecutor(chosen.jobs) as pool:
         names = [part.name for part in wanted]
         found = dict(zip(names, pool.map(partial(figures_of, began=time.monotonic()), names), strict=True))
@@ -98,7 +102,9 @@ def main() -> int:
 def arguments(given: Sequence[str]) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description="Files that learn from use.")
-    parser.add_argument("words", nargs="*", metavar="WORD", help="of the names of parts; all parts by default")
+    parser.add_argument(
+        "words", nargs="*", metavar="WORD", help="every part whose name has all these words; all by default"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="parts at a time, each in a process; default %(default)s")
     parser.add_argument("--json", action="store_true", help="every figure as JSON on standard output")
     return parser.parse_args(given)
