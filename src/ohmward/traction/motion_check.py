@@ -41,7 +41,7 @@ MOST_FASTER, SCRUBS = 1.5, 3.0
 CORRELATED = 0.8
 
 #: A gyro measures another axis if it hides more than this share of the turns.
-HIDDEN = 0.9
+HIDDEN_SHARE = 0.9
 
 _WHEEL, _YAW_RATE = ("wheel_speed_rad_s", "wheel_counts"), "yaw_rate_rad_s"
 
@@ -159,7 +159,7 @@ def hides_turns(robot: Robot, motion: SensedMotion) -> bool:
     turning = by_wheels > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S
     hidden = turning & (rate < COUNTED_TURN_RAD_S)
     enough = not may_scrub(robot) and np.count_nonzero(turning) >= FEWEST_VALUES
-    return bool(enough and np.count_nonzero(hidden) > HIDDEN * np.count_nonzero(turning))
+    return bool(enough and np.count_nonzero(hidden) > HIDDEN_SHARE * np.count_nonzero(turning))
 
 
 def turns(robot: Robot, motion: SensedMotion) -> np.ndarray:

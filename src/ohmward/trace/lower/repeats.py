@@ -14,7 +14,7 @@ from ohmward.trace.expression import Expression
 from ohmward.trace.program import Program, serials
 
 #: Most inputs of such operations, and the fewest operations that are worth a comparison of them with those before.
-_MOST_INPUTS, _FEWEST = 3, 50
+_MOST_INPUTS, _LEAST_GROUP = 3, 50
 #: Stands for the inputs of an operation that is computed in another way: too many.
 _MANY = frozenset(range(-_MOST_INPUTS - 1, 0))
 #: Operations that the processor fuses with the sum that alone takes their result; a stored result it would round.
@@ -42,7 +42,7 @@ def repeats_of(program: Program, apart: Collection[int] = ()) -> tuple[Repeats, 
         number = Counter(needed[node.serial] for node in waiting)
         for inputs in sorted((each for each in number if len(each) == count), key=lambda each: -number[each]):
             nodes = [node for node in waiting if needed[node.serial] <= inputs]
-            if len(nodes) < _FEWEST:
+            if len(nodes) < _LEAST_GROUP:
                 continue
             taken = {node.serial for node in nodes}
             for node in reversed(nodes):
