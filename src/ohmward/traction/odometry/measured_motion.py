@@ -585,10 +585,9 @@ class OffsetWalk(NamedTuple):
     probability: np.ndarray = WALK_PRIOR  #: (walks,)
     time_s: Any = 0.0  #: since the start of the span
     offset_variance: Any = 0.0  #: variance of the offset at that start
-    #: estimates at that start
-    offset_rad_s: Any = 0.0
-    x_m: Any = 0.0
-    y_m: Any = 0.0
+    offset_rad_s: Any = 0.0  #: estimate of the offset at that start
+    x_m: Any = 0.0  #: position at that start
+    y_m: Any = 0.0  #: its other coordinate
 
     def variance(self, offset_walk: float) -> Any:
         """Variance q of the offset over time [rad2/s3]; offset_walk: that of the data sheet."""
