@@ -18,9 +18,9 @@ BATTERY = generic_battery("nmc", 2.0)
 #: out, and what a bank's members do alike in one vector counted once.
 OPERATIONS = {
     "textbook-ekf": (149, 241),
-    "ekf": (1343, 1987),
-    "gsf": (3890, 2570),
-    "ukf": (4763, 8259),
+    "ekf": (1630, 2274),
+    "gsf": (4269, 2859),
+    "ukf": (5039, 8535),
 }
 
 
