@@ -10,6 +10,8 @@ import pytest
 from ohmward.report import TIME, Band, Figure, Page, Series, Span, WallClock
 
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
+#: Longest that anything may take [ms], also on a machine that does much else: only what hangs takes longer.
+HANGS_MS = 120_000
 #: What this browser needs in this run to write and read a million numbers [ms].
 A_MILLION_NUMBERS = """() => {
   const began = performance.now();
@@ -29,6 +31,7 @@ def open_page(browser, tmp_path):
         page.write(path)
         width, height = SIZES[size]
         tab = browser.new_page(viewport={"width": width, "height": height})
+        tab.set_default_timeout(HANGS_MS)
         opened.append(tab)
         tab.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
         tab.on("pageerror", lambda error: faults.append(str(error)))
