@@ -15,6 +15,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -204,6 +205,9 @@ def main() -> None:
         send(f"{args.send}/socket", args.seconds)
     elif args.first_start:
         start(args.first_start)
+        for thread in threading.enumerate():  # those that compile behind the first steps
+            if thread is not threading.main_thread():
+                thread.join()
     elif args.estimate:
         print(json.dumps(estimate(args.estimate)))
     else:
