@@ -142,9 +142,8 @@ def log_likelihood(log: DriveLog, rim_m_s: np.ndarray, yaw_rad_s: np.ndarray, cu
         drives = (np.abs(current_A) > WORKS_A) & (np.diff(rim_m_s, axis=0, prepend=rim_m_s[:1]) > 0.0)
         agrees = (np.sign(current_A) * drives)[:, None, :] * WAYS
         by_current = np.where(agrees > 0.0, np.log(DRIVES), np.where(agrees < 0.0, np.log(1.0 - DRIVES), 0.0))
-        logs += np.minimum(np.diff(log.time_s, prepend=log.time_s[0]) / CURRENT_LASTS_S, 1.0)[:, None] * by_current.sum(
-            axis=2
-        )
+        counts = np.minimum(np.diff(log.time_s, prepend=log.time_s[0]) / CURRENT_LASTS_S, 1.0)
+        logs += counts[:, None] * by_current.sum(axis=2)
     return logs
 
 
