@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect, insort
+from bisect import bisect
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -53,6 +54,35 @@ class BeforeGap(NamedTuple):
 
     state: Any
     gap_s: float
+
+
+@dataclass(frozen=True)
+class LogEvents:
+    """Rows of a log at which its estimate does more than follow the samples."""
+
+    rows: int  #: of the log
+    gaps: Mapping[int, float]  #: rows after a gap with unknown current, and the length of each gap [s]
+    declared_full: Collection[int]  #: rows at which a column reports a full battery
+    watch: StartWatch | None  #: of the start of the estimate, after the log
+    wrong_starts: Collection[int] = ()  #: rows from which the estimate starts again
+    exchanged: int = -1  #: row from which on another battery is in, the last one found
+
+    @cached_property
+    def stops(self) -> list[int]:
+        """Rows at which a piece of the log ends, in order: no event lies inside a piece."""
+        after_full = {k + 1 for k in self.declared_full}
+        at_most = {*range(0, self.rows, _PIECE), self.rows}
+        return sorted(after_full | self.gaps.keys() | {*self.wrong_starts} | at_most | {max(self.exchanged, 0)})
+
+    def end_of_piece(self, begin: int) -> int:
+        """End of the piece of the log that begins at this row."""
+        return self.stops[bisect(self.stops, begin)]
+
+    def flags_at(self, row: int) -> int:
+        """Flags of the events with which the piece from this row on begins."""
+        events = {SocFlag.GAP: row in self.gaps, SocFlag.EXCHANGED: row == self.exchanged}
+        events[SocFlag.RESTARTED] = row in self.wrong_starts
+        return sum(flag for flag, happened in events.items() if happened)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -262,54 +292,45 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return estimate
 
     def _scan_log(self, log: Log, progress: Progress | None, at_end: Collection[str]) -> tuple[SocEstimate, float]:
-        """Estimates along a log and the run time [s].
-
-        The log is split where a column reports full, at long gaps, where the estimate starts again, and where another
-        battery was put in.
-        """
+        """Estimates along a log and the run time [s]; the log is taken piece by piece, from event to event."""
         samples = samples_of(log, self.time_s)
-        declared_full = declared_full_at(self.settings, log)
-        gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
-        samples.dt_s[list(gaps)] = 0.0
-        again, watch = self._starts_over_at(samples, gaps, declared_full)
-        at_piece = {*range(0, len(log), _PIECE), len(log)}
-        stops = sorted({k + 1 for k in declared_full} | gaps.keys() | again | at_piece)
+        events = self._events(samples, log)
         lengths = [1 if name in at_end else len(log) for name in SocEstimate._fields]
         whole = SocEstimate._make(map(np.empty, lengths))
-        seconds, before, begin, exchanged = 0.0, 0, 0, -1
+        seconds, before, begin = 0.0, 0, 0
         while begin < len(log):
-            stop = stops[bisect(stops, begin)]
-            rows = SocSample(*(column[begin:stop] for column in samples))
-            first = row_of(rows, 0)
-            if begin in gaps:
-                self._begin_after_gap(first, gaps[begin])
-            if begin == exchanged:
-                self.state, self.memory, self._before_gap = self.init_again(first), _NO_MEMORY, None
-            if begin in again and self._model:
-                self._start_again_from(first, self._model)
-            end_s = float(log.time_s[stop - 1])
-            piece = SocEstimate._make(column[begin:stop] if len(column) > 1 else column for column in whole)
+            end = events.end_of_piece(begin)
+            rows = SocSample(*(column[begin:end] for column in samples))
+            first, end_s = row_of(rows, 0), float(log.time_s[end - 1])
+            piece = SocEstimate._make(column[begin:end] if len(column) > 1 else column for column in whole)
+            self._begin_piece(begin, first, events)
             _, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end, piece)
             seconds += took_s
-            for flag, marked in ((SocFlag.GAP, gaps), (SocFlag.EXCHANGED, (exchanged,)), (SocFlag.RESTARTED, again)):
-                if begin in marked:
-                    piece.flags[0] = int(piece.flags[0]) | flag
-            since = begin if begin == exchanged else max(begin - FORGETS, before)
-            if (found := self._exchanged_at(samples, whole, slice(since, stop))) is not None:
-                exchanged = max(found, begin)
-                samples.dt_s[exchanged] = 0.0
-                again, watch = self._starts_over_at(samples, gaps, declared_full, exchanged)
-                for row in {exchanged, *again}:
-                    insort(stops, row)
-                piece = SocEstimate._make(column[: exchanged - begin] for column in piece)
-            elif stop - 1 in declared_full:
+            piece.flags[0] = int(piece.flags[0]) | events.flags_at(begin)
+            since = begin if begin == events.exchanged else max(begin - FORGETS, before)
+            found = self._exchanged_at(samples, whole, slice(since, end))
+            if found is not None:
+                end = max(found, begin)  # what follows is estimated again, with the other battery
+                samples.dt_s[end] = 0.0
+                events = self._with_wrong_starts(replace(events, exchanged=end), samples, since=end, is_new=True)
+                piece = SocEstimate._make(column[: end - begin] for column in piece)
+            elif end - 1 in events.declared_full:
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
-            before, begin = begin, begin + len(piece.soc)
-            self.memory = self.memory.after_log(log.time_s[before:begin], piece)
-        self._watch = watch
+            self.memory = self.memory.after_log(log.time_s[begin:end], piece)
+            before, begin = begin, end
+        self._watch = events.watch
         return whole, seconds
+
+    def _begin_piece(self, begin: int, first: SocSample, events: LogEvents) -> None:
+        """Restart where the piece of a log from this row on, and its first sample, begins with an event."""
+        if begin in events.gaps:
+            self._begin_after_gap(first, events.gaps[begin])
+        if begin == events.exchanged:
+            self.state, self.memory, self._before_gap = self.init_again(first), _NO_MEMORY, None
+        if begin in events.wrong_starts and self._model:
+            self._start_again_from(first, self._model)
 
     def _exchanged_at(self, samples: SocSample, estimates: SocEstimate, part: slice) -> int | None:
         """First row in a part of the estimates along a log that shows another battery."""
@@ -317,26 +338,34 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         row = exchange_in(self.settings, rows, estimates.innovation_V[part], estimates.flags[part])
         return None if row is None else part.start + row
 
-    def _starts_over_at(
-        self, samples: SocSample, gaps: Collection[int], declared_full: Collection[int], exchanged: int = 0
-    ) -> tuple[set[int], StartWatch | None]:
-        """Rows of a log from which the estimate starts again, and the watch of the start after the log.
+    def _events(self, samples: SocSample, log: Log) -> LogEvents:
+        """Events along a log that show before its estimate; the length of its gaps leaves the samples."""
+        gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
+        samples.dt_s[list(gaps)] = 0.0
+        events = LogEvents(len(log), gaps, declared_full_at(self.settings, log), self._watch)
+        return self._with_wrong_starts(events, samples, since=0, is_new=self._state is None)
 
-        exchanged: row from which on they are sought, if another battery was put in there.
+    def _with_wrong_starts(self, events: LogEvents, samples: SocSample, since: int, is_new: bool) -> LogEvents:
+        """The events with the rows, not before `since`, from which the estimate starts again.
+
+        is_new: whether the estimate starts at `since`, and does not continue there.
         """
-        watch = self._watch
-        again: set[int] = set()
-        begins = sorted({exchanged, *(k for k in gaps if k > exchanged)})
-        for begin, end in zip(begins, [*begins[1:], len(samples.dt_s)], strict=True):
-            starts = begin in gaps or exchanged > 0 or self._state is None
-            if self._model is None or (watch is None and not starts):
-                continue
-            full = min((k + 1 for k in declared_full if begin <= k < end), default=None)
-            rows = SocSample(*(column[begin : full or end] for column in samples))
-            found, watch = wrong_starts(rows, self._model, None if starts else watch)
-            again |= {begin + k for k in found}
+        if self._model is None:
+            return events
+        starts = sorted({since, *(k for k in events.gaps if k > since)})
+        watch = events.watch
+        wrong: set[int] = set()
+        for start, end in zip(starts, [*starts[1:], events.rows], strict=True):
+            if start in events.gaps or (start == since and is_new):
+                watch = None
+            elif watch is None:
+                continue  # the start of this estimate was judged in an earlier log
+            full = min((k + 1 for k in events.declared_full if start <= k < end), default=None)
+            rows = SocSample(*(column[start : full or end] for column in samples))
+            found, watch = wrong_starts(rows, self._model, watch)
+            wrong |= {start + k for k in found}
             watch = None if full else watch
-        return again, watch
+        return replace(events, wrong_starts=wrong, watch=watch)
 
     def explain(self) -> Explanation:
         """State of charge in one sentence, the causes of its uncertainty, and what would settle it; takes about 50 ms.
