@@ -57,6 +57,9 @@ UNEXPLAINED = 9.0
 #: Smallest change [m/s] of the speed that counts.
 LEAST_CHANGE_M_S = 1e-4
 
+#: Largest change of a robot's speed [m/s2]: the friction of rubber is 1, and no wheel on the ground exceeds it.
+MOST_M_S2 = GRAVITY
+
 #: Sigmas of the rolling wheels' speed by which rims may exceed the change that friction allows.
 LOOSE_SIGMAS = 4.0
 
@@ -79,6 +82,29 @@ class ModeSpeed(NamedTuple):
     named: Any  #: the condition that one mode of slip is more likely than all others together
     loose_m_s: Scalar  #: largest slip of a wheel that still counts as rolling
     counted: Scalar  #: variance of the forward speed by quantisation, over that of one rim
+
+
+class ModeEvidence(NamedTuple):
+    """Speeds by the wheels if those of one mode slip."""
+
+    slipping: tuple[int, ...]  #: wheels that slip
+    rolling: list[int]  #: the others
+    forward_m_s: Scalar  #: mean of the speeds of the rolling wheels
+    change_m_s: Scalar  #: mean change of these speeds from their recent average
+    apart: list[Scalar]  #: (driven,) squares of the distances of each wheel's speed from that mean [m2/s2]
+
+    @property
+    def rolling_apart(self) -> Scalar:
+        """Sum of these squares over the rolling wheels."""
+        return sum(self.apart[i] for i in self.rolling)
+
+
+class Variances(NamedTuple):
+    """Variances [m2/s2] of forward speeds by single wheels about their mean."""
+
+    known: Scalar  #: by the turn and by quantisation
+    rolling: Scalar  #: of rolling wheels
+    slipping: Scalar  #: of slipping wheels
 
 
 class Turning(NamedTuple):
@@ -142,62 +168,92 @@ def weigh(
     since_s: time since the previous value.
     count_m_s: standard deviation of a rim's speed by quantisation.
     """
-    modes, n = [(), *slip_modes(robot)], robot.driven
     turning = turning._replace(scale=maximum(turning.scale, LEAST_SCALE - 1.0))
     rate = by_wheels(turning.rad_s, turning.scale)
-    by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
-    rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
-    alone = each_shows_forward(robot)
-    speeds = np.array([by_wheel[part].mean() for part in rolling] if alone else [mean_m_s])
+    along_m_s = np.asarray(rims_m_s - robot.rolling[: robot.driven, -1] * rate)
+    modes = [evidence(slipping, along_m_s, mean_m_s, before, robot) for slipping in [(), *slip_modes(robot)]]
     by_rims = robot.motion_by_rims[-1] @ rims_m_s
-    known, speed_variance, slip_variance = variances(before, rate, by_rims, turning, since_s, count_m_s, robot, noise)
-    changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
-    change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
-    logs = np.array([
-        -0.5 * (
-            minimum(sum((by_wheel[i] - v) ** 2 for i in part) / speed_variance, MOST_SQUARE)
-            + (len(part) - 1) * log(speed_variance)
-            + sum(log(slip_variance + (by_wheel[i] - v) ** 2) for i in slipping)
-            + minimum(change * change / change_variance, MOST_SQUARE)
-            + MOST_SQUARE * sum(where(refused[i], 1.0, 0.0) for i in part)
-        )
-        for slipping, part, v, change in zip(modes, rolling, speeds, changes, strict=True)
-    ])  # fmt: skip
+    widths = variances(before, rate, by_rims, turning, since_s, count_m_s, robot, noise)
+    change_variance = maximum(modes[0].change_m_s * modes[0].change_m_s + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
+    logs = np.array([log_likelihood(mode, refused, widths, change_variance) for mode in modes])
+    chain = mixed(before.probability, since_s)
+    likely = chain * exp(minimum(since_s / EVIDENCE_S, 1.0) * (logs - reduce(maximum, logs)))
     judged = fresh & turning.holds & (since_s < SLIP_LASTS_S)
     forgets = fresh & logical_not(turning.holds)
-    weight = minimum(since_s / EVIDENCE_S, 1.0)
-    chain = mixed(before.probability, since_s)
-    likely = chain * exp(weight * (logs - reduce(maximum, logs)))
     probability = where(judged, likely / likely.sum(), where(forgets, chain, before.probability))
+    speed = speed_of(modes, probability, mean_m_s, turning.holds, before.followed_m_s, since_s, widths, robot)
     follows = 1.0 - exp(-since_s / BEFORE_S)
-    # No wheel on the ground changes a robot's speed faster: the friction of rubber is 1.
-    most_m_s, loose_m_s = GRAVITY * since_s, LOOSE_SIGMAS * sqrt(speed_variance)
-    wide_m_s = most_m_s + loose_m_s
-    # Each mode changes the previous speed only as far as friction can.
-    possible = clip(speeds, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
-    of_mean = clip(mean_m_s, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
-    forward = where(turning.holds, probability @ possible, of_mean)
-    escaped = where(np.array([v != w for v, w in zip(speeds, possible, strict=True)]), abs(changes), 0.0)
-    beyond = where(turning.holds, probability @ escaped, abs(mean_m_s - of_mean))
-    # Wheels that roll, but differ by more than their turn explains: one of them may have begun to slip.
-    apart = [
-        sum((by_wheel[i] - v) ** 2 for i in part) / len(part) if alone else 0.0
-        for part, v in zip(rolling, speeds, strict=True)
-    ]
-    most = loose_m_s * loose_m_s
-    within = np.array([clip(square - UNEXPLAINED * known, 0.0, most) for square in apart])
-    spread = where(turning.holds, probability @ ((possible - forward) ** 2 + within), 0.0)
-    followed = before.followed_m_s + clip(forward - before.followed_m_s, -most_m_s, most_m_s)
+    most_m_s = MOST_M_S2 * since_s
     after = ModeState(
         probability=probability,
-        forward_m_s=where(fresh, before.forward_m_s + (by_wheel - before.forward_m_s) * follows, before.forward_m_s),
+        forward_m_s=where(fresh, before.forward_m_s + (along_m_s - before.forward_m_s) * follows, before.forward_m_s),
         turn_rad_s=where(fresh, turning.rad_s, before.turn_rad_s),
-        followed_m_s=followed,
+        followed_m_s=before.followed_m_s + clip(speed.forward_m_s - before.followed_m_s, -most_m_s, most_m_s),
     )
-    slips = np.array([sum(probability[k] for k, slipping in enumerate(modes) if i in slipping) for i in range(n)])
-    named = reduce(maximum, probability[1:]) > 0.5 if len(modes) > 1 else False
-    counted = probability @ np.array([1.0 / len(part) for part in rolling])
-    return after, ModeSpeed(forward, sqrt(spread + beyond * beyond), slips, named, loose_m_s, counted)
+    return after, speed
+
+
+def evidence(
+    slipping: tuple[int, ...], along_m_s: np.ndarray, mean_m_s: Scalar, before: ModeState, robot: Robot
+) -> ModeEvidence:
+    """Speeds by the wheels if these slip; along_m_s: (driven,) forward speed by each wheel, mean_m_s: of the rims."""
+    rolling = [i for i in range(robot.driven) if i not in slipping]
+    alone = each_shows_forward(robot)
+    forward_m_s = along_m_s[rolling].mean() if alone else mean_m_s
+    apart = [(v - forward_m_s) ** 2 for v in along_m_s]
+    change_m_s = (along_m_s - before.forward_m_s)[rolling].mean()
+    return ModeEvidence(slipping, rolling, forward_m_s, change_m_s, apart)
+
+
+def log_likelihood(mode: ModeEvidence, refused: np.ndarray, widths: Variances, change_variance: Scalar) -> Scalar:
+    """Log likelihood of a mode, up to a constant; refused: (driven,) conditions that a wheel has jumped."""
+    disagreement = minimum(mode.rolling_apart / widths.rolling, MOST_SQUARE)
+    changes = minimum(mode.change_m_s * mode.change_m_s / change_variance, MOST_SQUARE)
+    return -0.5 * (
+        disagreement
+        + (len(mode.rolling) - 1) * log(widths.rolling)
+        + sum(log(widths.slipping + mode.apart[i]) for i in mode.slipping)
+        + changes
+        + MOST_SQUARE * sum(where(refused[i], 1.0, 0.0) for i in mode.rolling)
+    )
+
+
+def speed_of(
+    modes: list[ModeEvidence],
+    probability: np.ndarray,
+    mean_m_s: Scalar,
+    turn_known: Scalar,
+    before_m_s: Scalar,
+    since_s: Scalar,
+    widths: Variances,
+    robot: Robot,
+) -> ModeSpeed:
+    """Forward speed of the modes together, each of which changes the speed before only as far as friction can."""
+    loose_m_s = LOOSE_SIGMAS * sqrt(widths.rolling)
+    wide_m_s = MOST_M_S2 * since_s + loose_m_s
+    speeds = np.array([mode.forward_m_s for mode in modes])
+    possible = clip(speeds, before_m_s - wide_m_s, before_m_s + wide_m_s)
+    of_mean = clip(mean_m_s, before_m_s - wide_m_s, before_m_s + wide_m_s)
+    forward = where(turn_known, probability @ possible, of_mean)
+    changes = np.array([abs(mode.change_m_s) for mode in modes])
+    escaped = where(np.array([v != w for v, w in zip(speeds, possible, strict=True)]), changes, 0.0)
+    beyond = where(turn_known, probability @ escaped, abs(mean_m_s - of_mean))
+    # Wheels that roll, but differ by more than their turn explains: one of them may have begun to slip.
+    unexplained = [mode.rolling_apart / len(mode.rolling) - UNEXPLAINED * widths.known for mode in modes]
+    within = [clip(square, 0.0, loose_m_s * loose_m_s) for square in unexplained]
+    within = within if each_shows_forward(robot) else [0.0 for _ in modes]
+    spread = where(turn_known, probability @ ((possible - forward) ** 2 + np.array(within)), 0.0)
+    slips = [
+        sum(p for p, mode in zip(probability, modes, strict=True) if i in mode.slipping) for i in range(robot.driven)
+    ]
+    return ModeSpeed(
+        forward_m_s=forward,
+        std_m_s=sqrt(spread + beyond * beyond),
+        slips=np.array(slips),
+        named=reduce(maximum, probability[1:]) > 0.5 if len(modes) > 1 else False,
+        loose_m_s=loose_m_s,
+        counted=probability @ np.array([1.0 / len(mode.rolling) for mode in modes]),
+    )
 
 
 def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
@@ -217,8 +273,8 @@ def variances(
     count_m_s: Scalar,
     robot: Robot,
     noise: OdometryNoise,
-) -> tuple[Scalar, Scalar, Scalar]:
-    """Variances [m2/s2] of forward speeds about their mean: by turn and quantisation, of rolling, of slipping wheels.
+) -> Variances:
+    """Variances of forward speeds by single wheels.
 
     rate_rad_s, by_rims_rad_s: yaw rate of the robot by the gyro, and by the rims: wheels that begin to turn it slip
         first.
@@ -235,7 +291,8 @@ def variances(
     along = abs(before.followed_m_s)
     known = 2.0 * count_m_s * count_m_s + turn_variance
     rolling = known + ROLLING_M_S**2 + (ROLLING_SHARE * along) ** 2
-    return known, rolling, rolling + SLIPPING_M_S**2 + (SLIPPING_SHARE * along) ** 2
+    slipping = rolling + SLIPPING_M_S**2 + (SLIPPING_SHARE * along) ** 2
+    return Variances(known, rolling, slipping)
 
 
 def lever_m(robot: Robot) -> float:
