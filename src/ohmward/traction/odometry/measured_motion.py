@@ -118,6 +118,30 @@ class MotionState(NamedTuple):
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
 
+class Sources(NamedTuple):
+    """Conditions that the last values of the sensors hold, in the order of `WHEELS`, `GYRO`, `OBSERVER`, `PASSIVE`."""
+
+    driven: Any  #: wheels
+    gyro: Any
+    observer: Any  #: of the speed
+    free: Any  #: wheels that are not driven
+
+    @property
+    def speed_known(self) -> Scalar:
+        """The condition that one of them shows the speed."""
+        return self.driven | self.free | self.observer
+
+    @property
+    def driven_alone(self) -> Scalar:
+        """The condition that only the driven wheels can give the motion."""
+        return logical_not(self.observer | self.free)
+
+    @property
+    def turn_observed(self) -> Scalar:
+        """The condition that the observer gives the turn."""
+        return self.observer & logical_not(self.gyro)
+
+
 class MeasuredMotion(NamedTuple):
     """Motion over a step, and conditions on its sensors."""
 
@@ -300,105 +324,122 @@ def show(
     before: belief of the odometry before the step.
     """
     dt_s = clean.dt_s
-    rolls, by_gyro, observed, free = holds(now.intervals)
+    sources = Sources(*holds(now.intervals))
+    fresh = now.intervals.age_s[WHEELS] <= 0.0
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
     counted_m = counting_m(now.encoder, robot, noise)
-    count_m_s = math.sqrt(2.0) * counted_m / maximum(dt_s, LEAST_STEP_S)
-    fresh, usual_s = now.intervals.age_s[WHEELS] <= 0.0, now.intervals.usual_s[WHEELS]
     x, P = before
-    scale_std = std(P[TURN_SCALE, TURN_SCALE])
-    turning = Turning(now.gyro_rad_s - x[OFFSET], by_gyro, x[TURN_SCALE], scale_std)
-    counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
+    turning = Turning(now.gyro_rad_s - x[OFFSET], sources.gyro, x[TURN_SCALE], std(P[TURN_SCALE, TURN_SCALE]))
     refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
+    counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
-    was_held = now.held.probability > IS_HELD
-    rim_m_s = where(free, free_motion(now, robot)[0], speed.forward_m_s)
-    rims = remember(now.rims, dt_s, rim_m_s - now.rim_m_s)
-    # Errors beyond the standard deviation that a source gives are slides; one that gives none may just be noisy.
-    given = isfinite(clean.speed_std_m_s)
-    learns = logical_not(was_held | given & (now.held.slides > IS_HELD))
-    outside, y = receive(now.outside, rim_m_s, clean, learns, noise.speed_std_m_s, rims)
-    changed_m_s = abs((modes.forward_m_s - now.modes.forward_m_s).mean())
-    by_white = y._replace(std_m_s=where(given, y.white_std_m_s, y.std_m_s))
-    held = weigh_held(now.held, by_white, speed.forward_m_s, dt_s, changed_m_s)
-    is_held = (held.probability > IS_HELD) & logical_not(observed | free)
-    rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
-    forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
-    along_m_s = hypot(forward_m_s, rim[1])
-    motion = np.array([forward_m_s, rim[1], rim[2]])
+    compared, outside = compare_outside(now, modes, speed, sources.free, clean, robot, noise)
+    is_held = (compared.held.probability > IS_HELD) & sources.driven_alone
+    rolled = rolled_motion(now, driven, speed, is_held, sources.free, robot, noise)
+    along_m_s = hypot(rolled[0], rolled[1])
     # A speed from counts is the mean since the last value, so no distance is lost where one is late or missing.
-    whole = fresh & (since_s <= (LOST + 1) * usual_s)
-    way = where(whole, motion * since_s - now.reckoned, motion * dt_s)
-    reckoned = where(fresh, 0.0, now.reckoned + way)
+    whole = fresh & (since_s <= (LOST + 1) * now.intervals.usual_s[WHEELS])
+    way = where(whole, rolled * since_s - now.reckoned, rolled * dt_s)
     stand = every([rim_m_s == 0.0 for rim_m_s in rims_m_s])
-    dragged_s = where(stand & speed.named & by_gyro & logical_not(observed | free), now.dragged_s + dt_s, 0.0)
-    o = now.observed
-    turn_observed = observed & logical_not(by_gyro)
+    dragged = stand & speed.named & sources.gyro & sources.driven_alone
+    dragged_s = where(dragged, now.dragged_s + dt_s, 0.0)
     # Wheels slip in any turn of the robot: one that turns on while they stand drags them.
-    turn_rad_s = where(by_gyro & (abs(turning.rad_s) > abs(rim[2])), turning.rad_s, rim[2])
-    spins = observed & (o.grip <= LEAST_TURN_GRIP)
+    turn_rad_s = where(sources.gyro & (abs(turning.rad_s) > abs(rolled[2])), turning.rad_s, rolled[2])
+    spins = sources.observer & (now.observed.grip <= LEAST_TURN_GRIP)
+    slips = some([jump, speed.named, is_held, spins])
+    by_observer = np.array([sources.observer, sources.observer, sources.turn_observed])
+    observed = np.array([now.observed.speed_m_s, now.observed.left_m_s, now.observed.yaw_rate_rad_s])
+    straight_std_m_s = hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s)
     u = MotionInput(
         dt_s=dt_s,
-        motion=np.array([
-            where(observed, o.speed_m_s, motion[0]),
-            where(observed, o.left_m_s, motion[1]),
-            where(turn_observed, o.yaw_rate_rad_s, motion[2]),
-        ]),
-        way=np.array([
-            where(observed, o.speed_m_s * dt_s, way[0]),
-            where(observed, o.left_m_s * dt_s, way[1]),
-            where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
-        ]),
-        motion_std=motion_std(now, observed, turn_observed, is_held, along_m_s, turn_rad_s, robot, noise),
-        scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
+        motion=where(by_observer, observed, rolled),
+        way=where(by_observer, observed * dt_s, way),
+        motion_std=motion_std(now.observed, sources, is_held, along_m_s, turn_rad_s, robot, noise),
+        scale=where(sources.observer, now.observed.scale, where(sources.free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
-        by_gyro=by_gyro,
-        comparable=by_gyro & (free | rolls & logical_not(jump | speed.named | is_held | spins)),
+        by_gyro=sources.gyro,
+        comparable=sources.gyro & (sources.free | sources.driven & logical_not(slips)),
         count_rad=turn_per_slip(robot) * counted_m,
-        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean, dragged_s),
+        unobserved_s=unobserved(now.intervals, sources, clean, dragged_s),
         usual_turn_rad_s=now.usual_turn_rad_s,
-        straight_std_rad_s=turn_per_slip(robot)
-        * hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s),
+        straight_std_rad_s=turn_per_slip(robot) * straight_std_m_s,
         turn_scale=x[TURN_SCALE],
         slip_sigmas=x[SLIP],
-    )  # fmt: skip
-    no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
-    counted = where(by_gyro, speed.counted, 1.0 / robot.driven)
-    white = white_variance(u, observed, count_m_s, counted, robot)
-    rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
-    usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
+    )
+    counted = where(sources.gyro, speed.counted, 1.0 / robot.driven)
+    count_m_s = math.sqrt(2.0) * counted_m / maximum(dt_s, LEAST_STEP_S)
+    usual_turn_rad_s = now.usual_turn_rad_s + (rolled[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
     return MeasuredMotion(
         input=u,
-        white_variance=white,
+        white_variance=white_variance(u, sources.observer, count_m_s, counted, robot),
         rims_m_s=rims_m_s,
-        rim_m=rim_m,
-        sensors=now._replace(
+        rim_m=sum(abs(rims_m_s)) / robot.driven * dt_s,
+        sensors=compared._replace(
             modes=modes,
-            rims=rims,
-            rim_m_s=rim_m_s,
-            outside=outside,
-            held=held,
-            reckoned=reckoned,
-            usual_turn_rad_s=usual,
+            reckoned=where(fresh, 0.0, now.reckoned + way),
+            usual_turn_rad_s=usual_turn_rad_s,
             dragged_s=dragged_s,
         ),
         speed=speed,
         is_held=is_held,
-        outside=y._replace(late_m_s=where(is_held, 0.0, y.late_m_s)),
+        outside=outside._replace(late_m_s=where(is_held, 0.0, outside.late_m_s)),
         turns=abs(speed.forward_m_s) > TURNS_M_S,
-        by_driven=rolls & logical_not(observed | free),
-        no_wheels=logical_not(rolls | free | observed),
-        no_gyro=no_gyro,
+        by_driven=sources.driven & sources.driven_alone,
+        no_wheels=logical_not(sources.speed_known),
+        no_gyro=was_seen(now.intervals)[GYRO] & logical_not(sources.gyro),
         jump=jump,
     )
 
 
-def motion_std(
+def compare_outside(
     now: MotionState,
-    observed: Scalar,
-    turn_observed: Scalar,
+    modes: ModeState,
+    speed: ModeSpeed,
+    free: Any,
+    clean: CleanSample,
+    robot: Robot,
+    noise: OdometryNoise,
+) -> tuple[MotionState, OutsideSpeed]:
+    """The state after the rims' forward speed was compared with outside speeds, and the outside speed of the sample.
+
+    modes, speed: of the driven wheels, after the step.  free: the condition that undriven wheels give the speed.
+    """
+    was_held = now.held.probability > IS_HELD
+    rim_m_s = where(free, free_motion(now, robot)[0], speed.forward_m_s)
+    rims = remember(now.rims, clean.dt_s, rim_m_s - now.rim_m_s)
+    # Errors beyond the standard deviation that a source gives are slides; one that gives none may just be noisy.
+    given = isfinite(clean.speed_std_m_s)
+    learns = logical_not(was_held | given & (now.held.slides > IS_HELD))
+    errors, y = receive(now.outside, rim_m_s, clean, learns, noise.speed_std_m_s, rims)
+    by_white = y._replace(std_m_s=where(given, y.white_std_m_s, y.std_m_s))
+    changed_m_s = abs((modes.forward_m_s - now.modes.forward_m_s).mean())
+    held = weigh_held(now.held, by_white, speed.forward_m_s, clean.dt_s, changed_m_s)
+    return now._replace(rims=rims, rim_m_s=rim_m_s, outside=errors, held=held), y
+
+
+def rolled_motion(
+    now: MotionState,
+    driven: np.ndarray,
+    speed: ModeSpeed,
+    is_held: Any,
+    free: Any,
+    robot: Robot,
+    noise: OdometryNoise,
+) -> np.ndarray:
+    """Motion (3,) by the wheels: the undriven ones if these give it; none of a robot that is held.
+
+    driven: (3,) motion by the rims of the driven wheels, if none of them slips.
+    """
+    rolled = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
+    forward_m_s = where(free | is_held, rolled[0], (1.0 - noise.creep) * speed.forward_m_s)
+    return np.array([forward_m_s, rolled[1], rolled[2]])
+
+
+def motion_std(
+    observed: Observed,
+    sources: Sources,
     is_held: Scalar,
     rim_m_s: Scalar,
     yaw_rate_rad_s: Scalar,
@@ -410,13 +451,13 @@ def motion_std(
     if noise.forward_arm_std_m:
         rolls_m_s = hypot(rolls_m_s, noise.forward_arm_std_m * yaw_rate_rad_s)
     speed_std_m_s = where(is_held, ROCKS_M_S, rolls_m_s)
-    speed_std_m_s = where(observed, now.observed.speed_std_m_s, speed_std_m_s)
+    speed_std_m_s = where(sources.observer, observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
     return np.array(
         [
             speed_std_m_s,
             side_std(speed_std_m_s, rim_m_s, yaw_rate_rad_s, robot, noise),
-            where(turn_observed, now.observed.yaw_rate_std_rad_s, by_wheels),
+            where(sources.turn_observed, observed.yaw_rate_std_rad_s, by_wheels),
         ]
     )
 
@@ -472,18 +513,16 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unobserved(
-    intervals: Intervals, moves: Scalar, by_gyro: Scalar, clean: CleanSample, dragged_s: Scalar
-) -> np.ndarray:
+def unobserved(intervals: Intervals, sources: Sources, clean: CleanSample, dragged_s: Scalar) -> np.ndarray:
     """Time (3,) [s] since each motion was last observed, at most since the start.
 
     Wheels that have stood for `dragged_s` while the gyro turned show no motion of the body. A gyro with missed samples
     gives the yaw rate at both ends of the gap: half of the gap counts as unobserved.
     """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
-    since_s = where(moves, dragged_s, age_s - where(seen, 0.0, NEVER_S))
+    since_s = where(sources.speed_known, dragged_s, age_s - where(seen, 0.0, NEVER_S))
     missed = clean.gap & (clean.dt_s > (LOST + 1) * intervals.usual_s[GYRO])
-    return np.array([since_s, since_s, where(by_gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
+    return np.array([since_s, since_s, where(sources.gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
 
 
 def hypot(a: Scalar, b: Scalar) -> Scalar:
