@@ -5,11 +5,11 @@ import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
 from ohmward.battery.chemistries import chemistry, chemistry_prior
-from ohmward.battery.identification.first_ocv import FirstOcv
+from ohmward.battery.identification.first_ocv import FirstOcv, IdentificationSettings, find_first_ocv
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import TEST_START_STD, anchor_soc
-from ohmward.battery.posterior import SOC_AXIS_STD
+from ohmward.battery.posterior import OCV_KNOTS, SOC_AXIS_STD
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -67,6 +67,35 @@ def test_a_drive_alone_takes_the_curve_of_its_chemistry():
     assert any(sentence.startswith("open-circuit voltage: the usual curve") for sentence in battery.not_identified)
     away = np.array(battery.noise.model_std_V)[[2, 15]]
     assert away[0] > 2 * away[1]
+
+
+def cycle():
+    """A cell at C/3 from full to empty and back, which rests at both ends only."""
+    sweep_s = 0.97 * 3 * 3600.0
+    phases = [(1800.0, 0.0, 30.0), (sweep_s, -2 / 3, 10.0), (1800.0, 0.0, 30.0), (sweep_s, 2 / 3, 10.0)]
+    return play(cell(), *steps([*phases, (1800.0, 0.0, 30.0)]), soc=1.0, std_V=0.0005, name="cycle")
+
+
+def test_between_rests_that_are_far_apart_the_curve_is_that_of_the_chemistry():
+    """A constant current cannot tell a curve that bends from a resistance that does."""
+    battery = identify(cycle(), capacity_Ah=2.0, chemistry="nmc", initial_soc={"cycle": 1.0}, model="thevenin-1rc")
+    soc = np.linspace(0.1, 0.9, 17)
+    error_V = np.asarray(battery.thevenin.ocv.mean_V(soc, 25.0)) - np.asarray(NMC_OCV.mean_V(soc, 25.0))
+    std_V = np.array(battery.noise.model_std_V)[2:-2]
+    assert any("the usual curve of nmc cells was taken" in note for note in battery.identification.notes)
+    assert np.sqrt(np.mean(error_V**2)) < 0.02
+    assert np.mean(np.abs(error_V) < 2.0 * std_V) > 0.9
+
+
+def test_between_rests_that_are_far_apart_the_curve_of_an_unknown_chemistry_is_uncertain():
+    records = make_records(cycle(), 2.0)
+    first = find_first_ocv(records, IdentificationSettings(2.0, initial_soc={"cycle": 1.0}))
+    error_V = np.asarray(first.curve.mean_V(OCV_KNOTS, 25.0)) - np.asarray(NMC_OCV.mean_V(OCV_KNOTS, 25.0))
+    prior = first.prior("").curve
+    std_V = np.hypot(prior.line_std_V, max(prior.std_V))
+    between = (OCV_KNOTS > 0.03) & (OCV_KNOTS < 1.0)
+    assert first.source == "rests" and np.abs(error_V[between]).max() > 0.1
+    assert np.all(np.abs(error_V) < 2.0 * std_V + 0.03, where=between)
 
 
 def test_without_a_chemistry_it_is_refused_with_what_would_help():

@@ -340,7 +340,8 @@ def noise_from_fit(
     residual_V = residual_std_V(solution, problem)
     axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
     typical_A = typical_current_A(samples)
-    posterior_V = beyond_axis_V(posterior_std_V(solution, typical_A), p.ocv, axis_std)
+    loaded_V, rested_V = posterior_std_V(solution, typical_A), posterior_std_V(solution, 0.0)
+    posterior_V = beyond_axis_V(np.maximum(loaded_V, rested_V), p.ocv, axis_std)
     unvisited_V = volts * unvisited_std_V(samples, p.capacity_Ah)
     if whole_curve:
         unvisited_V = np.minimum(unvisited_V, volts * _UNVISITED_ON_BRANCHES_STD_V)

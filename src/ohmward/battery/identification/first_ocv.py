@@ -65,6 +65,9 @@ class IdentificationSettings(NamedTuple):
 #: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and their correlation length in SoC: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
 _USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
+#: Largest distance in SoC between rests that show a curve: between farther ones the usual curve is closer to it than
+#: their interpolation, and constant currents tell neither from the other's overpotential.
+_LARGEST_GAP = 0.3
 #: Relative error of the slope of a straight line beyond the logs that it was fitted to: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
@@ -83,7 +86,7 @@ class FirstOcv(NamedTuple):
     fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
     branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, () for another source
     axis_std: float = 0.0  #: additional error of its SoC axis in the middle
-    line_std_V: Any = 0.0  #: error on OCV_KNOTS of a straight line beyond the logs that it was fitted to
+    line_std_V: Any = 0.0  #: error on OCV_KNOTS of a line beyond the logs, or between the rests, that it was fitted to
     notes: tuple[Note, ...] = ()  #: how it was found
 
     @property
@@ -106,7 +109,8 @@ class FirstOcv(NamedTuple):
         if self.source in ("chemistry", "line"):
             return prior._replace(curve=_USUAL_CURVE._replace(line_std_V=self.line_std_V))
         measured = self.source == "given" or self.both_directions
-        curve = (prior.measured_curve if measured else prior.rested_curve)._replace(middle_soc_std=self.axis_std)
+        curve = prior.measured_curve if measured else prior.rested_curve
+        curve = curve._replace(middle_soc_std=self.axis_std, line_std_V=self.line_std_V)
         return prior._replace(
             curve=curve,
             hysteresis=(prior.hysteresis_on_branches if self.both_directions else None) or prior.hysteresis,
@@ -140,13 +144,26 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
 
 
 def _without_low_rate(records: Sequence[Record], settings: IdentificationSettings) -> FirstOcv:
-    """The curve through rests; with too few of them at a known state of charge, the chemistry's usual curve."""
+    """The curve through rests; with too few of them at a known state of charge, the chemistry's usual curve.
+
+    Without a chemistry, the error of the curve between rests that are far apart is as large as its rise between them.
+    """
+    has_usual = bool(settings.chemistry) and all(known_without_curve(record, settings) for record in records)
     try:
-        return FirstOcv(_ocv_from_rests(records, settings), "rests", tuple(records))
+        points = _rests(records, settings)
+        curve = ocv_from_rests(points, _lowest_V(records), reference_degC(records))
     except InputError:
-        if not settings.chemistry or not all(known_without_curve(record, settings) for record in records):
+        if not has_usual:
             raise
-    return _usual_ocv(records, settings)
+        return _usual_ocv(records, settings)
+    soc = np.array(sorted(point.soc for point in points))
+    if float(np.diff(soc).max()) <= _LARGEST_GAP:
+        return FirstOcv(curve, "rests", tuple(records))
+    if has_usual:
+        return _usual_ocv(records, settings)
+    slope_V = float(np.ptp(curve.voltage_V))
+    beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
+    return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
 
 
 def usual_efficiency(settings: IdentificationSettings) -> float:
@@ -154,8 +171,8 @@ def usual_efficiency(settings: IdentificationSettings) -> float:
     return CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
 
 
-def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings) -> OcvCurve:
-    """The curve through the rests of every record whose state of charge is known without a curve."""
+def _rests(records: Sequence[Record], settings: IdentificationSettings) -> list[RestPoint]:
+    """The rests of every record whose state of charge is known without a curve."""
     points: list[RestPoint] = []
     first_refusal: InputError | None = None
     for record in records:
@@ -170,8 +187,11 @@ def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings)
         points += rest_points(record, axis.soc)
     if not points and first_refusal:
         raise first_refusal
-    lowest_V = min(float(np.nanmin(r.log.voltage_V)) for r in records)
-    return ocv_from_rests(points, lowest_V, reference_degC(records))
+    return points
+
+
+def _lowest_V(records: Sequence[Record]) -> float:
+    return min(float(np.nanmin(record.log.voltage_V)) for record in records)
 
 
 def known_without_curve(record: Record, settings: IdentificationSettings) -> bool:
@@ -188,9 +208,9 @@ def _usual_ocv(records: Sequence[Record], settings: IdentificationSettings) -> F
     curve = chemistry(settings.chemistry).ocv().scaled(settings.n_series)
     curve = replace(curve, reference_degC=reference_degC(records))
     text = (
-        f"no open-circuit voltage in the logs: the usual curve of {settings.chemistry} cells was taken and corrected "
-        "by the fit; a table of it (--ocv, ocv=), a low-rate test, or rests of 10 min at several states of charge tell "
-        "more"
+        f"no open-circuit voltage curve in the logs: the usual curve of {settings.chemistry} cells was taken and "
+        "corrected by the fit; a table of it (--ocv, ocv=), a low-rate test, or rests of 10 min at several states of "
+        "charge tell more"
     )
     return FirstOcv(curve, "chemistry", tuple(records), notes=(Note(text, "warning"),))
 
