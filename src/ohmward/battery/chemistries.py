@@ -116,7 +116,9 @@ class ChemistryPrior(NamedTuple):
     model_V: float = 0.003  #: smallest model error at any SoC, however good the fit
     #: the same where no low-rate test has shown the curve: the residual of a drive is the best case
     unmeasured_model_V: float | None = None
-    pulses_V: float = 0.008  #: the same where there are only short pulses, which show only the start of slow processes
+    #: the same where there are only short pulses, which show only the start of slow processes; less where the test
+    #: predicts itself better
+    pulses_V: float = 0.008
     model_soc_length: float = 0.1  #: correlation length of the model error, as a change of SoC
     seeks_transfer: bool = True  #: fit the charge transfer in the ohmic drop, from tests at two temperatures
 

@@ -18,7 +18,12 @@ from ohmward.battery.identification.circuit_design import (
 )
 from ohmward.battery.identification.circuit_fit import circuit_of, curve_notes, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
-from ohmward.battery.identification.circuit_uncertainty import confidence_intervals, not_identified
+from ohmward.battery.identification.circuit_uncertainty import (
+    confidence_intervals,
+    held_out_V,
+    not_identified,
+    pulses_floor_V,
+)
 from ohmward.battery.identification.fit_samples import simulate, thin
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
@@ -202,6 +207,29 @@ def test_intervals_grow_away_from_the_data():
     said = not_identified(fit, problem.samples, 2.0, False)
     assert any("resistances at SoC 0 to 0.6" in sentence and "no current flowed there" in sentence for sentence in said)
     assert any("r0_charge_ohm: the logs hold no charge" in sentence for sentence in said)
+
+
+def test_a_block_of_soc_is_predicted_by_a_fit_to_all_others():
+    log = pulse_log(cell(), count=10, rest_s=900.0, std_V=0.002)
+    problem = problem_of(log)
+    s = solve(problem, Rates(cell().tau_s, 20.0))
+    columns, measured = s.rows.columns, s.rows.residual + s.rows.columns @ s.x
+    block_rows = (problem.joined("soc") >= 0.3) & (problem.joined("soc") < 0.4)
+    A, y = columns[~block_rows], measured[~block_rows]
+    x = np.linalg.solve(s.prior.precision + A.T @ A, s.prior.information + A.T @ y)
+    error = (measured - columns @ x)[block_rows]
+    expected_V = np.linalg.norm(error) / np.linalg.norm(s.rows.scale[block_rows])
+    assert held_out_V(s, problem)[2] == pytest.approx(expected_V, rel=1e-3)
+
+
+@pytest.mark.parametrize("down_to, off_V, low, high", [(0.0, 0.0, 0.4, 0.5), (0.8, 0.0, 0.75, 0.9), (0.0, 0.05, 1, 1)])
+def test_a_pulse_test_that_predicts_itself_in_many_places_narrows_the_floor(down_to, off_V, low, high):
+    log = pulse_log(cell(), count=10, rest_s=900.0, std_V=0.0005)
+    soc = 1.0 + log.charge_Ah() / 2.0
+    bent = replace(log, voltage_V=log.voltage_V + off_V * np.sin(20.0 * np.pi * soc)).select(soc > down_to)
+    problem = problem_of(bent)
+    floor_V = pulses_floor_V(solve(problem, Rates(cell().tau_s, 20.0)), problem)
+    assert low <= floor_V / (problem.volts * PRIOR.pulses_V) <= high
 
 
 def test_hat_is_linear_interpolation():
