@@ -17,7 +17,7 @@ from ohmward.battery.learning.charger_limit import (
     with_full_at,
 )
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
-from ohmward.battery.soc.anchors import charger_limit_V, find_anchors, with_known_full
+from ohmward.battery.soc.anchors import anchors_and_limit, find_anchors, with_known_full
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag
 from ohmward.logs.log import Log
@@ -101,13 +101,22 @@ def test_full_is_no_farther_below_its_curve_than_a_voltage_without_charge(soc, c
 @pytest.mark.parametrize("soc", [0.3, 0.6])
 def test_a_charger_that_stops_lower_defines_full(soc):
     log, truth = lower_charge(soc)
-    assert charger_limit_V(log, label("nca")) == pytest.approx(LIMIT_V, abs=5e-3)
+    assert anchors_and_limit(log, with_known_full(label("nca")))[1] == pytest.approx(LIMIT_V, abs=5e-3)
     ready = full_at_charger_limit(label("nca"), log)
     assert ready.thevenin.ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=5e-3)
     (full,) = (anchor for anchor in find_anchors(log, ready) if anchor.kind == "full charge")
     assert full.soc == pytest.approx(1.0, abs=0.01)
     assert truth[full.sample] == pytest.approx(own_full(), abs=0.01)
     assert full_at_charger_limit(ready, log) is ready
+
+
+@pytest.mark.parametrize("stretch", [97, 1000])
+def test_a_lower_limit_is_found_in_a_log_that_is_searched_in_stretches(stretch, monkeypatch):
+    log, _ = lower_charge()
+    known = with_known_full(label("nca"))
+    whole = anchors_and_limit(log, known)
+    monkeypatch.setattr("ohmward.battery.soc.anchors._STRETCH", stretch)
+    assert anchors_and_limit(log, known) == whole
 
 
 def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():
@@ -158,7 +167,7 @@ def test_a_raised_curve_is_the_lower_one_and_that_of_the_chemistry_above_it():
 )
 def test_other_charges_have_no_lower_limit(chemistry, phases):
     log, _ = day(chemistry, 0.3, phases)
-    assert charger_limit_V(log, label(chemistry)) is None
+    assert anchors_and_limit(log, with_known_full(label(chemistry)))[1] is None
 
 
 def test_a_full_end_that_is_known_stays():

@@ -26,7 +26,7 @@ from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS
-from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors, rule_of, with_known_full
+from ohmward.battery.soc.anchors import VOLTAGE, Anchor, anchors_and_limit, rule_of, with_known_full
 from ohmward.battery.soc.coulomb import REST_CURRENT_C
 from ohmward.logs.log import Log
 
@@ -44,17 +44,19 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     """
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
+    anchored = any(log.anchors for log in battery.learnt_logs)
+    was_lowered = anchored and _was_lowered(battery)
+    if anchored and not was_lowered and not battery.noise.full_soc_std:
+        return battery
     battery, known = with_charge_seen(battery, log), with_known_full(battery)
-    rule, full = rule_of(known), [a for a in find_anchors(log, known) if a.kind == "full charge"]
+    anchors, limit_V = anchors_and_limit(log, known)
+    rule, full = rule_of(known), [a for a in anchors if a.kind == "full charge"]
     if full:
         battery = known
-    if battery.knowledge is not None and any(log.anchors for log in battery.learnt_logs):
-        if not _was_lowered(battery):
-            return battery
+    if was_lowered:
         full_V = [float(rule.relaxed_V(a.voltage_V, _input(a))) for a in full if a.source == VOLTAGE]
         return raised_to(battery, max(full_V, default=0.0))
-    limit_V = charger_limit_V(log, known)
-    return battery if limit_V is None else with_full_at(known, float(rule.soc_at(limit_V)))
+    return battery if anchored or limit_V is None else with_full_at(known, float(rule.soc_at(limit_V)))
 
 
 def with_charge_seen(battery: Battery, log: Log) -> Battery:

@@ -53,7 +53,9 @@ class FinderState(NamedTuple):
     temperature_degC: Any
     memory: AnchorMemory
     rest: Rest
-    full: Any = 0.0  #: 1 from a full charge on, for as long as the voltage stands still
+    #: 1 from a full charge, or from one that tapers below full, on, for as long as the voltage stands still
+    full: Any = 0.0
+    below_full: Any = 0.0
 
 
 class FinderOutput(NamedTuple):
@@ -64,15 +66,17 @@ class FinderOutput(NamedTuple):
     empty: Any
     top: Any
     event: SocNormal
-    #: conditions that a full charge, a long rest, or a load that is cut off here ended with the sample before
+    #: condition that a charge tapers below the voltage of a full battery from here on
+    tapers: Any
+    #: conditions that such a charge, a full charge, a long rest, or a load that is cut off here ended with the sample
+    #: before
+    below_full: Any
     full: Any
     rest: Any
     cut_off: Any
     #: of the sample before: last credible current and temperature, and state of charge of a cut-off
     before: CircuitInput
     low: SocNormal
-    below_full: Any  #: a charger has tapered below the voltage of a full battery
-    held_s: Any  #: time for which the voltage has stood still
 
 
 def _start(rule: AnchorRule, first: SocSample) -> FinderState:
@@ -89,40 +93,54 @@ def _step(rule: AnchorRule, state: FinderState, sample: SocSample) -> tuple[Find
     rest, _ = rule.continue_rest(state.rest, clean)
     moved = memory.held_s < state.memory.held_s
     full = where(event.full, 1.0, where(moved, 0.0, state.full))
-    after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full)
+    below_full = where(rule.stops_below_full(memory, clean), 1.0, where(moved, 0.0, state.below_full))
+    after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full, below_full)
     output = FinderOutput(
         current_A=after.current_A,
         empty=where(event.empty, 1.0, 0.0),
         top=where(event.top, 1.0, 0.0),
         event=SocNormal(event.soc, event.std),
+        tapers=where((state.below_full < 0.5) & (below_full > 0.5), 1.0, 0.0),
+        below_full=where((state.below_full > 0.5) & moved, 1.0, 0.0),
         full=where((state.full > 0.5) & moved, 1.0, 0.0),
         rest=where((state.rest.used > 0.5) & (rest.used < 0.5), 1.0, 0.0),
         cut_off=where(rule.was_low(state.memory) & (sample.dt_s > CURRENT_GAP_S), 1.0, 0.0),
         before=before,
         low=SocNormal(state.memory.low_soc, state.memory.low_std),
-        below_full=where(rule.stops_below_full(memory, clean), 1.0, 0.0),
-        held_s=memory.held_s,
     )
     return after, output
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
-    """The anchors in a log, in order, each event once.
+    """The anchors in a log, in order, each event once."""
+    return anchors_and_limit(log, battery)[0]
+
+
+def anchors_and_limit(log: Log, battery: Battery) -> tuple[tuple[Anchor, ...], float | None]:
+    """The anchors in a log, and the highest voltage [V], without overpotential, at which a charger stops below full.
 
     The rule is that of the live estimator (`AnchorRule`), but a log shows what follows: a full charge and a rest are
     placed at their end, where they say most, and a load that is low at the end of the log or before a gap was cut off.
+    None for a log in which no charger stops below full, or one comes to full.
     """
     rule = rule_of(battery)
     found: list[Anchor] = []
+    tapers: list[int] = []
+    limits_V: list[float] = []
     current_A = np.empty(len(log))
     for first, output in _outputs(log, rule):
         current_A[first : first + _STRETCH] = output.current_A[: len(log) - first]
         found += _anchors_inside(log, first, rule, output)
+        tapers += (first + np.flatnonzero(output.tapers)).tolist()
+        for k in np.flatnonzero(output.below_full).tolist():
+            middle_V = float(np.median(log.voltage_V[tapers.pop(0) : first + k]))
+            limits_V.append(float(rule.relaxed_V(middle_V, row_of(output.before, k))))
+    is_full = any(anchor.kind == "full charge" for anchor in found)
     declared = SocNormal(1.0, rule.limits.full_std)
     found += [_anchor("full charge", k, declared, log, name) for name, k in log.full_charges()]
     found.sort(key=lambda anchor: anchor.sample)
-    apart_As = AGAIN * rule.model.capacity_As
-    return tuple(_without_repeats(found, log.time_s, current_A, apart_As))
+    anchors = tuple(_without_repeats(found, log.time_s, current_A, AGAIN * rule.model.capacity_As))
+    return anchors, None if is_full else max(limits_V, default=None)
 
 
 class JudgedAnchor(NamedTuple):
@@ -150,21 +168,6 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
         found.append(JudgedAnchor(anchor, bool(seen.size), float(run.soc[k]), float(run.soc_std[k])))
         before = anchor.sample
     return found
-
-
-def charger_limit_V(log: Log, battery: Battery) -> float | None:
-    """Highest voltage [V], without overpotential, at which a charger stops below full; None if it never does."""
-    rule, limits_V = rule_of(with_known_full(battery)), []
-    outputs = [output for _, output in _outputs(log, rule)]
-    if any(output.full.any() for output in outputs):
-        return None
-    held_s, below_full = (np.concatenate([getattr(o, name) for o in outputs]) for name in ("held_s", "below_full"))
-    before = CircuitInput(*(np.concatenate(columns) for columns in zip(*(o.before for o in outputs), strict=True)))
-    for k in np.flatnonzero(np.diff(below_full, prepend=0.0) > 0.0).tolist():
-        end = k + int(np.argmax(np.diff(held_s[k:]) < 0.0)) + 1
-        middle_V = float(np.median(log.voltage_V[k:end]))
-        limits_V.append(float(rule.relaxed_V(middle_V, row_of(before, end))))
-    return max(limits_V, default=None)
 
 
 def with_known_full(battery: Battery) -> Battery:
