@@ -62,6 +62,7 @@ class Solution(NamedTuple):
 
     x: np.ndarray  #: (n,) parameters of the battery and unknowns of the part
     hessian: np.ndarray  #: (n, n) of half the cost
+    within: np.ndarray  #: (n, n) its inverse, the covariance as if the curve were right
     covariance: np.ndarray  #: (n, n)
     cost: float  #: at the minimum, up to a constant
     residual_V: np.ndarray  #: (N,) measured minus expected voltage in the rows
@@ -76,7 +77,7 @@ class Solution(NamedTuple):
         """(2,) standard deviations of the highest and the lowest SoC of the part, as if the curve were right."""
         soc = self.charge.soc
         columns = self.charge.soc_columns(np.array([np.argmax(soc), np.argmin(soc)]))
-        return np.sqrt(variances(columns, np.linalg.inv(self.hessian)))
+        return np.sqrt(variances(columns, self.within))
 
 
 class PartRows(NamedTuple):
@@ -198,6 +199,7 @@ def solve(
     solution = Solution(
         x=x,
         hessian=H,
+        within=within,
         covariance=within,
         cost=there.cost + density.cost(x),
         residual_V=there.residual_V,
