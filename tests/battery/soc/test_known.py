@@ -138,7 +138,7 @@ def test_a_charge_that_is_told_changes_them_as_it_changes_the_state(settings):
     state, estimates = scan(settings, columns, 0.6, 0.1)
     last = type(estimates)(*(float(column[-1]) for column in estimates))
     after, told = correct_soc(settings, state, last, SocNormal(0.68, 0.01))
-    belief = unpack((settings.merged(after) if hasattr(settings, "merged") else after).belief)
+    belief = unpack(settings.merged(after).belief)
     k = settings.state_names.index("offset_A")
     assert told.current_offset_A == pytest.approx(belief.mean[k], rel=1e-9)
     assert told.current_offset_std_A == pytest.approx(math.sqrt(belief.cov[k, k]), rel=1e-9)

@@ -28,7 +28,7 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.posterior import Unknowns
 from ohmward.battery.soc.augmented_thevenin import AugmentedThevenin
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
+from ohmward.battery.soc.gaussian_sum import carries_errors
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.logs.log import SECONDS_PER_HOUR
@@ -93,10 +93,7 @@ def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
         raise InputError(f"{estimator!r} carries no corrections of a battery file; the filters gsf, ekf and ukf do")
     if estimator.state is None:
         raise InputError("nothing was learnt before the first sample; give update() samples first")
-    state = estimator.state
-    if isinstance(settings, GaussianSumFilter):
-        state = settings.merged(state)
-    return settings.system, unpack(state.belief)
+    return settings.system, unpack(settings.merged(estimator.state).belief)
 
 
 def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.exchange_watch import FORGETS, exchange_notes, exchanged_at
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
-from ohmward.battery.soc.gaussian_sum import carries_errors
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
 from ohmward.battery.soc.given_soc import after_gap, correct_soc, full_charge, longest_known_gap_s
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import (
@@ -454,9 +454,10 @@ def on_day(settings: Estimator, unix_s: float | None) -> Estimator:
     """
     if unix_s is None:
         return settings
+    if isinstance(settings, GaussianSumFilter):
+        member: Any = on_day(settings.member, unix_s)
+        return cast(Estimator, replace(settings, member=member))
     of_one: Any = settings
-    if hasattr(of_one, "member"):
-        return cast(Estimator, replace(of_one, member=on_day(of_one.member, unix_s)))
     noise = getattr(of_one, "noise", None)
     return cast(Estimator, replace(of_one, noise=noise.on(unix_s))) if isinstance(noise, BatteryNoise) else settings
 

@@ -56,6 +56,10 @@ class GaussianSumState(NamedTuple):
     log_weights: np.ndarray  #: (K,), ln of the weights over that of the most likely hypothesis, at most 0
     walk_A2: np.ndarray  #: (n,), variance of the current [A^2] that would cause the random walk of each RC voltage
 
+    def with_members(self, members: Sequence[FilterState], log_weights: np.ndarray) -> GaussianSumState:
+        """The state whose hypotheses have these states and weights."""
+        return self._replace(members=tuple(members), log_weights=log_weights)
+
 
 @dataclass(frozen=True)
 class GaussianSumFilter:

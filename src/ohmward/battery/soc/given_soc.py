@@ -10,7 +10,6 @@ SoC first: charger and user know better.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ LEAST_AGREEING = 0.05
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
     """State of charge when a charger reports full, with a standard deviation by chemistry."""
-    return SocNormal(1.0, _single(settings).anchor_rule.limits.full_std)
+    return SocNormal(1.0, settings.member.anchor_rule.limits.full_std)
 
 
 def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) -> Any:
@@ -62,12 +61,12 @@ def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) ->
     """
 
     def rested(member: FilterState) -> FilterState:
-        belief = _single(settings).system.at_rest(unpack(member.belief), away_s, float(member.temperature_degC))
+        belief = settings.system.at_rest(unpack(member.belief), away_s, float(member.temperature_degC))
         return member._replace(
             belief=pack(inflate(belief, SOC, moved_std**2)), current_A=0.0, rest_s=0.0, held=HeldVoltage()
         )
 
-    return _of_each(rested, settings, state)
+    return state.with_members([rested(member) for member in state.members], state.log_weights)
 
 
 def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: SocNormal) -> Any:
@@ -78,27 +77,26 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     Where it contradicts the charge `before` it, or the voltage before it, which had the same error of the curve,
     somebody has charged, used or changed the battery: the voltage alone counts.
     """
-    filter_ = _single(settings)
+    filter_ = settings.member
     (whole,) = filter_.voltage_start.hypotheses(sample, *before)
     u = first_input(sample, filter_.limits.current_A)
     clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
-    members = state.members if isinstance(settings, GaussianSumFilter) else (state,)
-    weights = np.exp(relative(state.log_weights)) if isinstance(settings, GaussianSumFilter) else np.ones(1)
-    updates = [filter_.correct(member, unpack(member.belief), clean) for member in members]
+    weights = np.exp(relative(state.log_weights))
+    updates = [filter_.correct(member, unpack(member.belief), clean) for member in state.members]
     like = np.array([passes(update.correction.innovation, CONTRADICTS_STD**2) for update in updates], dtype=float)
     agree = float(weights @ like)
     if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
         return _restarted(settings, state, sample, settings.voltage_start.hypotheses(sample))
-    seen = tuple(
+    seen = [
         member._replace(belief=pack(update.belief), evidence=update.evidence)
-        for member, update in zip(members, updates, strict=True)
-    )
-    return state._replace(members=seen) if isinstance(settings, GaussianSumFilter) else seen[0]
+        for member, update in zip(state.members, updates, strict=True)
+    ]
+    return state.with_members(seen, state.log_weights)
 
 
 def longest_known_gap_s(settings: Any) -> float:
     """Longest step [s] after which the charge is still known without `after_gap`; inf where that cannot help."""
-    return max(_single(settings).gap_s, NOTHING_KNOWN_AFTER_S) if carries_errors(settings) else math.inf
+    return max(settings.member.gap_s, NOTHING_KNOWN_AFTER_S) if carries_errors(settings) else math.inf
 
 
 def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, gap_s: float) -> Any:
@@ -108,7 +106,7 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
     So a gap is a start with a given value that is as likely wrong as right, and its first voltage is used in the same
     way. The estimates of capacity and resistances belong to the battery and are kept.
     """
-    before = unpack(_merged(settings, state).belief)
+    before = unpack(settings.merged(state).belief)
     soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
     drawn = STANDBY_PER_HOUR * gap_s / SECONDS_PER_HOUR
     known = settings.voltage_start.hypotheses(first, soc, math.sqrt(variance + drawn * drawn), WRONG_AFTER_GAP)
@@ -119,7 +117,7 @@ def _restarted(
     settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, known: tuple[Hypothesis, ...]
 ) -> Any:
     """State that starts from the hypotheses of a first sample with what was learnt of capacity and resistances."""
-    whole = _merged(settings, state)
+    whole = settings.merged(state)
     before = unpack(whole.belief)
     learnt = [settings.state_names.index(name) for name in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
 
@@ -131,25 +129,8 @@ def _restarted(
         cov[np.ix_(learnt, learnt)] = before.cov[np.ix_(learnt, learnt)]
         return member._replace(belief=pack(Belief(mean, cov)), evidence=whole.evidence)
 
-    return _of_each(with_learnt, settings, settings.start_from(first, *known))
-
-
-def _merged(settings: TheveninFilter | GaussianSumFilter, state: Any) -> FilterState:
-    """The state itself; of a Gaussian sum that of all hypotheses together."""
-    whole: FilterState = settings.merged(state) if isinstance(settings, GaussianSumFilter) else state
-    return whole
-
-
-def _of_each(change: Callable[[FilterState], FilterState], settings: Any, state: Any) -> Any:
-    """The state with `change` applied to the state of every hypothesis."""
-    if isinstance(settings, GaussianSumFilter):
-        return state._replace(members=tuple(change(member) for member in state.members))
-    return change(state)
-
-
-def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
-    """The filter itself; for a Gaussian sum that of every hypothesis."""
-    return settings.member if isinstance(settings, GaussianSumFilter) else settings
+    began = settings.start_from(first, *known)
+    return began.with_members([with_learnt(member) for member in began.members], began.log_weights)
 
 
 def correct_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal) -> tuple[Any, SocEstimate]:
@@ -158,9 +139,7 @@ def correct_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNorm
     Raises:
         InputError: the estimator takes no state of charge from outside.
     """
-    if isinstance(settings, TheveninFilter):
-        return _corrected(settings, state, estimate, given)
-    if not isinstance(settings, GaussianSumFilter):
+    if not carries_errors(settings):
         raise InputError(
             f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf, ukf or rc"
         )
@@ -169,7 +148,7 @@ def correct_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNorm
     log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
     parts = [_corrected(settings.member, member, estimate, given) for member in state.members]
     members, estimates = zip(*parts, strict=True)
-    return state._replace(members=members, log_weights=log_weights), mixed(estimates, log_weights)
+    return state.with_members(members, log_weights), mixed(estimates, log_weights)
 
 
 def _corrected(

@@ -10,7 +10,7 @@ Q is not matched: matching both finds the size of the noise but not the ratio of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -67,6 +67,20 @@ class FilterState(NamedTuple):
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
     held: HeldVoltage = HeldVoltage()  #: memory for a voltage that jumps or stands still
     evidence: CapacityEvidence = CapacityEvidence()  #: what voltages and events have shown of the capacity
+
+    @property
+    def members(self) -> tuple[FilterState]:
+        """States of the hypotheses, as of a Gaussian sum of one."""
+        return (self,)
+
+    @property
+    def log_weights(self) -> np.ndarray:
+        """(1,) their weights."""
+        return np.zeros(1)
+
+    def with_members(self, members: Sequence[FilterState], log_weights: np.ndarray) -> FilterState:
+        """The state whose hypotheses have these states and weights."""
+        return members[0]
 
 
 class CleanInput(NamedTuple):
@@ -141,6 +155,15 @@ class TheveninFilter:
     def system(self) -> AugmentedThevenin:
         """Model of the battery with the errors of sensors and model as states."""
         return AugmentedThevenin(self.model, self.noise, self.sensor)
+
+    @property
+    def member(self) -> TheveninFilter:
+        """The filter of every hypothesis, as of a Gaussian sum of one."""
+        return self
+
+    def merged(self, state: FilterState) -> FilterState:
+        """State of one filter with the mean and the covariance of all hypotheses."""
+        return state
 
     @cached_property
     def anchor_rule(self) -> AnchorRule:
