@@ -3,10 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from battery.anchor_examples import day, label
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, capacity_from_rests, full_charges, sweep_anchor
 from ohmward.battery.soc.anchor_rule import SocAnchor
+from ohmward.battery.soc.anchors import find_anchors
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -68,6 +70,18 @@ def test_end_of_a_full_charge_is_full():
     axis = anchor_soc(record, 2.0)
     assert axis.soc[0] == pytest.approx(0.3, abs=0.02)
     assert axis.soc.max() == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("chemistry", ["nca", "lfp", "lead-acid"])
+def test_a_test_and_a_battery_file_find_the_same_full_charges(chemistry):
+    log, truth = day(
+        chemistry, 0.5, [(0.2, 0.0), (8.0, 0.3), (1.0, 0.0), (1.0, -0.4), (0.5, 0.0), (9.0, 0.2), (1.0, 0.0)]
+    )
+    battery = label(chemistry)
+    of_file = [anchor.sample for anchor in find_anchors(log, battery) if anchor.kind == "full charge"]
+    of_test = [full.sample for full in full_charges(record_of(log, battery.capacity_Ah), battery.capacity_Ah)]
+    assert len(of_file) == len(of_test) == 2
+    assert np.all(truth[[*of_file, *of_test]] > 0.99)
 
 
 def test_a_charge_that_stops_early_is_not_full():

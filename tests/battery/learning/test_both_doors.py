@@ -1,5 +1,8 @@
 """A log says the same of its battery to `identify`, which is given the capacity, and to `learn`, which has a label."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -17,8 +20,9 @@ PULSES, DAY = pulse_log(MODEL, std_V=0.003), day(MODEL, 1)
 SOC = np.linspace(0.3, 1.0, 15)
 
 
-def identified(*logs: Log) -> Battery:
-    return identify(logs, capacity_Ah=12.0, chemistry="nmc", n_series=3, model="thevenin-2rc")
+def identified(*logs: Log, **starts: float) -> Battery:
+    how: dict[str, Any] = {"chemistry": "nmc", "n_series": 3, "model": "thevenin-2rc"}
+    return identify(logs, capacity_Ah=12.0, initial_soc=starts, **how)
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +64,11 @@ def test_a_test_is_learnt_from_as_a_label_is(batteries):
 def test_the_order_of_tests_does_not_matter(batteries):
     one, two = batteries["test and day, identified"], batteries["day and test, identified"]
     assert difference_in_sigmas(one, two) < 0.3
+
+
+def test_the_halves_of_a_test_give_what_the_whole_gives(batteries):
+    middle_s = float(PULSES.time_s[len(PULSES) // 2])
+    first = replace(PULSES.between(-np.inf, middle_s), name="first")
+    second = replace(PULSES.between(middle_s, np.inf), name="second")
+    halves = identified(first, second, first=1.0, second=1.0 + float(first.charge_Ah()[-1]) / 12.0)
+    assert difference_in_sigmas(batteries["test"], halves) < 0.3

@@ -177,10 +177,15 @@ def pair_steps(samples: FitSamples, p: Thevenin) -> list[PairSteps]:
 def hysteresis_along(samples: FitSamples, p: Thevenin, starts: Sequence[float]) -> np.ndarray:
     """(N, S) hysteresis state along the samples, from each of these starts."""
     moved = samples.dt_s * (p.hysteresis_rate / p.capacity_As)
+    return hysteresis_by_charge(samples.mean_current_A, moved, starts, p.net_charge_hysteresis)
+
+
+def hysteresis_by_charge(
+    current_A: np.ndarray, moved: np.ndarray, starts: Sequence[float], net_charge: bool = False
+) -> np.ndarray:
+    """(N, S) hysteresis state from each of these starts; moved: (N,) change by 1 A, rate times time over capacity."""
     start = np.array(starts, dtype=float)
-    return np.asarray(
-        _hysteresis_kernel(p.net_charge_hysteresis, start.size).scan(start, (samples.mean_current_A, moved))[1]
-    )
+    return np.asarray(_hysteresis_kernel(net_charge, start.size).scan(start, (current_A, moved))[1])
 
 
 @cache

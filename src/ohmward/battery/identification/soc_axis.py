@@ -1,4 +1,9 @@
-"""State of charge along a record: counted charge, tied to samples of known state of charge."""
+"""State of charge along a record: counted charge, tied to samples of known state of charge.
+
+Two rules find a full charge, as they know different things. Here the curve is what is sought: the highest voltage of
+the test is the limit of its charger, which defines full. `soc.anchor_rule` knows a curve, sees one sample after the
+other, and judges whether a charger, which may stop lower, came to the full end of that curve.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.fit_samples import scan
+from ohmward.battery.identification.fit_samples import hysteresis_by_charge
 from ohmward.battery.identification.ocv_from_logs import CAPACITY_WARNING
 from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest, settled_ends
 from ohmward.battery.models.ocv import OcvCurve
@@ -257,12 +262,11 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
 
 def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
     """Hysteresis state (T,) in [-1, 1] by the charge that flowed, and the share of it that is known."""
-    moved = record.charge.moved_Ah / capacity_Ah
-    decay = np.exp(-_USUAL_GAMMA * np.abs(moved))
-    drive = (1 - decay) * np.sign(moved)
-    drive[0] = record.came_from
-    h = scan(decay, drive)
-    return h, np.ones(moved.size) if record.came_from else 1 - np.cumprod(decay)
+    moved_Ah = record.charge.moved_Ah
+    per_Ah = np.full(moved_Ah.size, _USUAL_GAMMA / capacity_Ah)
+    states = hysteresis_by_charge(moved_Ah, per_Ah, (-1.0, 0.0, 1.0))
+    unknown = 0.0 if record.came_from else 0.5 * (states[:, 2] - states[:, 0])
+    return states[:, 1 + record.came_from], 1.0 - unknown * np.ones(moved_Ah.size)
 
 
 def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> SocAnchor:
