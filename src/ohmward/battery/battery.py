@@ -28,7 +28,8 @@ class SeenLog:
     hours: float = 0.0  #: its length
     summary: str = ""  #: what was learnt from it, in a line
     anchors: int = 0  #: number of times at which something other than the voltage gave its state of charge
-    end_soc: float | None = None  #: state of charge at its last sample, None in a file that did not keep it
+    #: state of charge at its last sample, None where that was not learnt from, or in a file that did not keep it
+    end_soc: float | None = None
     end_soc_std: float | None = None  #: its standard deviation
     end_current_A: float = 0.0  #: current there
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from battery.learning.test_another_battery import day
+from cli.examples import MODEL
 from ohmward.battery.battery import Knowledge, SeenLog
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
@@ -83,3 +85,28 @@ def test_what_was_learnt_at_the_end_of_a_log_is_kept_in_the_file():
     assert (seen.end_soc, seen.end_soc_std) == tuple(update.soc_end)
     (told,) = given_at_start(learnt.battery, evening(MIDNIGHT_S + 3600.0), None)
     assert told.soc == update.soc_end.mean
+
+
+def day_in_two_parts(monkeypatch) -> tuple[Log, int]:
+    """A day from full that is solved in two parts, and the first sample of the second."""
+    log = day(MODEL, 1)
+    middle = len(log) // 2
+    monkeypatch.setattr("ohmward.battery.learning.samples._MOST_SAMPLES", middle + 1)
+    return log, middle
+
+
+def test_a_given_start_is_not_that_of_a_later_part_whose_log_has_no_voltage_before(monkeypatch):
+    log, middle = day_in_two_parts(monkeypatch)
+    blind = replace(log, voltage_V=np.where(np.arange(len(log)) < middle, np.nan, log.voltage_V))
+    (update,) = learn(generic_battery("nmc", 12.0, 3), [blind], initial_soc=1.0).updates
+    truth = 1.0 + float(log.charge_Ah()[middle]) / 12.0
+    assert update.verdict == "learnt"
+    assert abs(update.soc_start.mean - truth) < 2.0 * update.soc_start.std < 0.3
+
+
+def test_no_log_goes_on_with_the_charge_of_a_part_before_the_last_one(monkeypatch):
+    log, middle = day_in_two_parts(monkeypatch)
+    blind = replace(log, voltage_V=np.where(np.arange(len(log)) < middle, log.voltage_V, np.nan))
+    for learnt_from, is_known in ((log, True), (blind, False)):
+        (seen,) = learn(generic_battery("nmc", 12.0, 3), [learnt_from]).battery.learnt_logs
+        assert (seen.end_soc is not None) == (seen.end_soc_std is not None) == is_known

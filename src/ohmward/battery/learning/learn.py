@@ -12,11 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery, Knowledge, SeenLog, require_battery
+from ohmward.battery.charge_count import RECORDING_GAP_S
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.learning.fold import (
@@ -168,6 +170,7 @@ def learn_log(
         contradiction = _misfit_of_file(battery, new.parts, initial_soc)
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
+    to_its_end = log.time_s[-1] - parts[-1].model.samples.time_s[-1] <= RECORDING_GAP_S
     seen = SeenLog(
         name=log.name,
         fingerprint=new.fingerprint,
@@ -176,8 +179,8 @@ def learn_log(
         hours=update.hours,
         summary=update.reason,
         anchors=sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None),
-        end_soc=update.soc_end.mean,
-        end_soc_std=update.soc_end.std,
+        end_soc=update.soc_end.mean if to_its_end else None,
+        end_soc_std=update.soc_end.std if to_its_end else None,
         end_current_A=float(np.nan_to_num(log.current_A[-1])),
     )
     return _remember(ready, parts[-1].battery, seen), update
@@ -251,13 +254,12 @@ def _learn_parts(
     given: state of charge at the first sample, where it is known.
     """
     parts: list[_Part] = []
-    for log in logs:
-        for samples in samples_of(log, battery):
-            if not samples.rows.size:
-                continue
-            now = parts[-1].battery if parts else battery
-            at_start = (given if not parts else ()) or full_at_start(now, samples)
-            parts.append(_learn_part(now, samples, (*at_start, *soc_anchors(anchors, samples))))
+    for k, samples in enumerate(chain.from_iterable(samples_of(log, battery) for log in logs)):
+        if not samples.rows.size:
+            continue
+        now = parts[-1].battery if parts else battery
+        at_start = (given if k == 0 else ()) or full_at_start(now, samples)
+        parts.append(_learn_part(now, samples, (*at_start, *soc_anchors(anchors, samples))))
     if not parts:
         raise InputError("no stretch of it has two samples with a credible current and voltage; check the columns")
     return parts

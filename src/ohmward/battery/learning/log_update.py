@@ -110,7 +110,7 @@ class LogUpdate(NamedTuple):
     residual_rms_V: float = math.nan  #: measured minus expected voltage
     #: factor by which the squares of these errors exceed the variance that the file expects, at least 1
     misfit: float = math.nan
-    #: SoC at the first and the last sample
+    #: SoC at the first and the last sample that was used
     soc_start: Normal = Normal(math.nan, math.nan)
     soc_end: Normal = Normal(math.nan, math.nan)
     #: estimates from this log alone, with all other parameters as known after it; the standard deviation is inf where
