@@ -228,6 +228,20 @@ def test_a_log_that_is_cut_in_two_teaches_the_same():
     assert difference_in_sigmas(taught_by(1), cut) < 0.6
 
 
+def test_a_log_that_grows_by_a_day_ages_the_battery_by_that_day():
+    """A logger that appends to one file; the battery learns from it every night."""
+    days = [day(MODEL, seed) for seed in (1, 2, 3)]
+    time_s = np.concatenate([log.time_s + 1e5 * k for k, log in enumerate(days)])
+    columns = [np.concatenate([getattr(log, name) for log in days]) for name in ("current_A", "voltage_V")]
+    battery = generic_battery("nmc", 12.0, 3)
+    for length in np.cumsum([len(log) for log in days]):
+        grown = Log("grown", time_s[:length], *(column[:length] for column in columns), np.full(length, 25.0))
+        battery = learn(battery, [grown]).battery
+    apart, capacity = taught_by(1, 2, 3), parameters_of(battery).group("capacity")
+    stds = [np.sqrt(prior_covariance(one)[capacity, capacity].sum()) for one in (battery, apart)]
+    assert stds[0] == pytest.approx(stds[1], rel=1e-3)
+
+
 def test_the_same_log_does_not_count_twice(tmp_path):
     once = taught_by(1)
     save_battery(once, tmp_path / "battery.toml")

@@ -156,7 +156,7 @@ def learn_log(
         today = battery if log.begin_unix_s is None else replace(battery, noise=battery.noise.on(log.begin_unix_s))
         ready = reduce(full_at_charger_limit, new.parts, today)
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
-        cycles = 0.5 * log.throughput_Ah() / ready.capacity_Ah
+        cycles = 0.5 * sum(part.throughput_Ah() for part in new.parts) / ready.capacity_Ah
         before = aged(ready, hours_since_last(ready, log), cycles)
         given = given_at_start(ready, log, initial_soc) if from_start else ()
         parts = _learn_parts(before, new.parts, anchors, given)
