@@ -87,6 +87,16 @@ def test_what_was_learnt_at_the_end_of_a_log_is_kept_in_the_file():
     assert told.soc == update.soc_end.mean
 
 
+def test_what_is_new_of_a_log_goes_on_with_the_charge_of_what_was_learnt_from():
+    log = replace(day(MODEL, 1), start_unix_s=MIDNIGHT_S)
+    middle_s = float(log.time_s[len(log) // 2])
+    morning, afternoon = log.between(-np.inf, middle_s), log.between(middle_s, np.inf)
+    battery = learn(generic_battery("nmc", 12.0, 3), [morning]).battery
+    (of_whole,), (apart,) = (learn(battery, [each]).updates for each in (log, afternoon))
+    assert of_whole.soc_start.std == pytest.approx(apart.soc_start.std, rel=0.01)
+    assert abs(of_whole.soc_start.mean - apart.soc_start.mean) < 0.1 * apart.soc_start.std
+
+
 def day_in_two_parts(monkeypatch) -> tuple[Log, int]:
     """A day from full that is solved in two parts, and the first sample of the second."""
     log = day(MODEL, 1)

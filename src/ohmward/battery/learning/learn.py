@@ -150,15 +150,15 @@ def learn_log(
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     if not new.parts:
         return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
-    from_start = new.parts[0].time_s[0] == log.time_s[0]
-    initial_soc = initial_soc if from_start else None
+    first = new.parts[0]
+    initial_soc = initial_soc if first.time_s[0] == log.time_s[0] else None
     try:
-        today = battery if log.begin_unix_s is None else replace(battery, noise=battery.noise.on(log.begin_unix_s))
+        today = battery if first.begin_unix_s is None else replace(battery, noise=battery.noise.on(first.begin_unix_s))
         ready = reduce(full_at_charger_limit, new.parts, today)
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
         cycles = 0.5 * sum(part.throughput_Ah() for part in new.parts) / ready.capacity_Ah
-        before = aged(ready, hours_since_last(ready, log), cycles)
-        given = given_at_start(ready, log, initial_soc) if from_start else ()
+        before = aged(ready, hours_since_last(ready, first), cycles)
+        given = given_at_start(ready, first, initial_soc)
         parts = _learn_parts(before, new.parts, anchors, given)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
