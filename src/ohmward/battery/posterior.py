@@ -6,6 +6,10 @@ And the least errors that a file keeps, however much data agree: none is surer t
 
 with the residuals r = y - V(x). An error of the model persists for minutes, so that a sample counts w <= 1. Samples
 that do not fit count less: rho is the pseudo-Huber loss (Hartley and Zisserman 2004, A6.8), by reweighting.
+
+The two fits keep their unknowns and priors apart. A test is tied to full charges, so that its voltage is linear in
+resistances that no file has yet, and the chemistry gives their prior. Everyday logs leave the state of charge open, and
+correct the logarithms of a file's values, whose prior is the file's own knowledge.
 """
 
 from __future__ import annotations

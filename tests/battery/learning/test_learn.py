@@ -232,10 +232,11 @@ def test_a_log_that_grows_by_a_day_ages_the_battery_by_that_day():
     """A logger that appends to one file; the battery learns from it every night."""
     days = [day(MODEL, seed) for seed in (1, 2, 3)]
     time_s = np.concatenate([log.time_s + 1e5 * k for k, log in enumerate(days)])
-    columns = [np.concatenate([getattr(log, name) for log in days]) for name in ("current_A", "voltage_V")]
+    current_A, voltage_V = (np.concatenate([getattr(log, name) for log in days]) for name in ("current_A", "voltage_V"))
     battery = generic_battery("nmc", 12.0, 3)
     for length in np.cumsum([len(log) for log in days]):
-        grown = Log("grown", time_s[:length], *(column[:length] for column in columns), np.full(length, 25.0))
+        some = slice(length)
+        grown = Log("grown", time_s[some], current_A[some], voltage_V[some], np.full(length, 25.0))
         battery = learn(battery, [grown]).battery
     apart, capacity = taught_by(1, 2, 3), parameters_of(battery).group("capacity")
     stds = [np.sqrt(prior_covariance(one)[capacity, capacity].sum()) for one in (battery, apart)]
