@@ -1,15 +1,13 @@
 """The process on the robot for hours: `make soak` measures every part and writes benchmarks/on_board.md.
 
-    python benchmarks/on_board.py                  every part, then the page
-    python benchmarks/on_board.py load kills       two of them; the page then has them and what was measured before
-    python benchmarks/on_board.py --page           the page alone, of what was measured before
+    python benchmarks/on_board.py                  every part
+    python benchmarks/on_board.py load kills       two of them; the others' sections of the page stay as they are
     python benchmarks/on_board.py load day --seconds 60 --hours 0.33 --dry      a minute of each, without a page
 
 Parts: `load` at 1 kHz, `start` of the process, a simulated `day` at 20 times real time (72 minutes), `kills` of the
 process and of its `store`, an `outage` of the databases in real time, the `silence` of sensors at random moments of
-simulated drives, and `fuzz-...` of everything that listens. What
-was measured is kept in build/on_board until the part is measured again; of inputs at random every hundred thousand are,
-and --continue goes on after those of a run that was cut off. Each row says how long or how many it is of.
+simulated drives, and `fuzz-...` of everything that listens. Each row says how long or how many it is of. Of inputs at
+random every hundred thousand are kept in build/on_board, and --continue goes on after those of a run that was cut off.
 """
 
 from __future__ import annotations
@@ -17,13 +15,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -151,7 +149,8 @@ def fuzz_rows(listener: str, scale: Scale) -> Iterator[Figure]:
     found = [Fuzzed(*chunk) for chunk in json.loads(kept.read_text())] if scale.goes_on and kept.exists() else []
     while (rest := scale.inputs - sum(chunk.inputs for chunk in found)) > 0:
         found.append(FUZZERS[listener](min(rest, CHUNK), seed=len(found) + 1))
-        keep(kept, found)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(found, default=float), encoding="utf-8")
     inputs, crashes = (sum(getattr(chunk, name) for chunk in found) for name in ("inputs", "crashes"))
     row = partial(at_most, f"{inputs:,} inputs at random", listener)
     yield row("inputs that end it", crashes, 0.0, ".0f")
@@ -180,45 +179,22 @@ PARTS: dict[str, Part] = {
 }
 
 
-class Measured(NamedTuple):
-    """A part as it was measured: its rows, the day, and the minutes that it took."""
-
-    rows: list[Figure]
-    day: str
-    minutes: float
-
-
-def measured(name: str, scale: Scale) -> Measured:
-    """A part, measured now."""
+def section(name: str, scale: Scale) -> str:
+    """A part, measured now: its rows under the day, the minutes that it took, the machine and its load."""
     began_s = time.monotonic()
-    rows = list(PARTS[name](scale))
-    return Measured(rows, f"{datetime.now(UTC):%Y-%m-%d}", (time.monotonic() - began_s) / 60.0)
+    rows = [figure.cells for figure in PARTS[name](scale)]
+    minutes = (time.monotonic() - began_s) / 60.0
+    machine = f"{platform.machine()}, {os.cpu_count()} processors, load {os.getloadavg()[2]:.1f} at the end"
+    stamp = f"{datetime.now(UTC):%Y-%m-%d}, {minutes:.1f} minutes, {machine}."
+    return "\n".join((name, "", stamp, "", *table(("", "by", "", "measured", "bar", ""), rows), ""))
 
 
-def keep(path: Path, found: object) -> None:
-    """Write what was found to a file of JSON."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(found, default=float), encoding="utf-8")
-
-
-def kept_before() -> dict[str, Measured]:
-    """The parts that were measured before, in the order of the page."""
-    found = {}
-    for name in PARTS:
-        if (path := KEPT / f"{name}.json").exists():
-            rows, day, minutes = json.loads(path.read_text(encoding="utf-8"))
-            found[name] = Measured([Figure(*row) for row in rows], day, minutes)
-    return found
-
-
-def page(found: dict[str, Measured]) -> str:
-    """The page as text."""
-    rows = [figure.cells for part in found.values() for figure in part.rows]
-    title = ("# The process on the robot", "", "Written by `make soak`, on a machine that does nothing else.", "")
-    times = ", ".join(f"{name} {part.day} ({part.minutes:.1f} min)" for name, part in found.items())
-    missing = ", ".join(name for name in PARTS if name not in found)
-    foot = ("", f"Measured: {times}.", *([f"Not measured: {missing}."] if missing else []))
-    return "\n".join((*title, *table(("", "by", "", "measured", "bar", ""), rows), *foot)) + "\n"
+def with_section(page: str, new: str) -> str:
+    """The page with a new section instead of that of the same part, in the order of the parts."""
+    title, *old = page.split("\n## ")
+    found = {text.splitlines()[0]: text for text in (*old, new)}
+    sections = [found.get(name, f"{name}\n\nNot measured.") for name in PARTS]
+    return "\n\n## ".join(text.rstrip() for text in (title, *sections)) + "\n"
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
@@ -232,8 +208,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--outage", type=float, default=Scale().outage_s, metavar="S", help="without the databases")
     parser.add_argument("--drives", type=int, default=Scale().drives, help="simulated, with silences of sensors")
     parser.add_argument("--continue", action="store_true", dest="goes_on", help="go on with inputs of a run cut off")
-    parser.add_argument("--page", action="store_true", help="measure nothing")
-    parser.add_argument("--dry", action="store_true", help="print the page of these parts, keep and write nothing")
+    parser.add_argument("--dry", action="store_true", help="print the sections of these parts, write no page")
     found = parser.parse_args(words)
     if unknown := set(found.parts) - set(PARTS):
         parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
@@ -243,16 +218,11 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 def main() -> None:
     args = arguments()
     scale = Scale(args.seconds, args.hours, args.kills, args.inputs, args.goes_on, args.outage, args.drives)
-    now = {}
-    for name in () if args.page else args.parts or PARTS:
-        now[name] = measured(name, scale)
-        print(page({name: now[name]}), flush=True)
+    for name in args.parts or PARTS:
+        new = section(name, scale)
+        print(new, flush=True)
         if not args.dry:
-            keep(KEPT / f"{name}.json", now[name])
-    text = page(now if args.dry else kept_before())
-    print(text)
-    if not args.dry:
-        PAGE.write_text(text, encoding="utf-8")
+            PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8"), new), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -43,25 +43,23 @@ def test_quantiles_of_latencies():
     assert histogram.number == skipped + 1002
 
 
-def test_the_page_names_bars_that_were_missed_and_parts_that_were_not_measured():
-    figures = [on_board.at_most("a", "b", "c", 3.0, 2.0), on_board.at_most("a", "b", "c", 1.0, 2.0)]
-    text = on_board.page({"load": on_board.Measured(figures, "2026-11-23", 10.04)})
-    assert text.count("**missed**") == 1
-    assert text.count("| met |") == 1
-    assert "Measured: load 2026-11-23 (10.0 min)." in text
-    assert "Not measured: start, kills, store, fuzz-serial" in text
-
-
-def test_parts_are_kept_until_they_are_measured_again(tmp_path, monkeypatch):
+def test_a_part_replaces_its_own_section_and_leaves_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(on_board, "KEPT", tmp_path)
-    monkeypatch.setattr(on_board, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(on_board, "PAGE", page := tmp_path / "page.md")
+    monkeypatch.setattr(on_board, "SLOWEST_S", 0.0)
+    page.write_text("# Title\n\nText.\n\n## day\n\n2026-11-23, elsewhere.\n")
     for part, inputs in (("fuzz-serial", 300), ("fuzz-can", 200), ("fuzz-serial", 100)):
         monkeypatch.setattr(sys, "argv", ["on_board.py", part, "--inputs", str(inputs)])
         on_board.main()
-    text = (tmp_path / "page.md").read_text()
-    assert text.count("100 inputs at random | serial") == 3
-    assert text.count("200 inputs at random | can") == 3
-    assert "300 inputs" not in text
+    title, *sections = page.read_text().split("\n\n## ")
+    assert title == "# Title\n\nText."
+    found = {text.splitlines()[0]: text for text in sections}
+    assert [*found] == [*on_board.PARTS]
+    assert found["fuzz-serial"].count("100 inputs at random | serial") == 3
+    assert found["fuzz-serial"].count("**missed**") == 1
+    assert found["fuzz-can"].count("200 inputs at random | can") == 3
+    assert found["kills"] == "kills\n\nNot measured."
+    assert found["day"] == "day\n\n2026-11-23, elsewhere.\n"
 
 
 def test_inputs_of_a_run_that_was_cut_off_are_gone_on_with(tmp_path, monkeypatch):
