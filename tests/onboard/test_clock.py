@@ -1,7 +1,11 @@
 import random
+import sys
+import time
+from types import SimpleNamespace
 
 import pytest
 
+from ohmward.onboard import clock as clock_module
 from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, SourceClock
 
 
@@ -108,3 +112,18 @@ def test_messages_that_overtake_each_other_are_no_steps():
     clock = SourceClock()
     assert max(map(abs, errors(clock, rows)[50:])) < 0.004
     assert clock.steps == 0
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have a clock module")
+@pytest.mark.parametrize(
+    ("module_s", "status", "is_set"),
+    [(1.0, 5, True), (-1e6, 5, False), (None, 5, False), (None, 0, True), (-1e6, 0, True)],
+    ids=["module", "module without a battery", "nothing", "network", "network and a module without a battery"],
+)
+def test_a_wall_clock_is_set_by_a_module_or_the_network(tmp_path, monkeypatch, module_s, status, is_set):
+    if module_s is not None:
+        (tmp_path / "rtc0").mkdir()
+        (tmp_path / "rtc0" / "since_epoch").write_text(f"{time.time() + module_s:.0f}\n")
+    monkeypatch.setattr(clock_module, "_CLOCK_MODULES", tmp_path)
+    monkeypatch.setattr(clock_module.ctypes, "CDLL", lambda _: SimpleNamespace(adjtimex=lambda _: status))
+    assert clock_module.SystemClock().is_set() == is_set

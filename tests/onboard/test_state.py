@@ -309,20 +309,23 @@ def test_the_time_away_is_that_of_the_monotonic_clock_within_a_boot(tmp_path, ba
     second.close()
 
 
-def test_the_time_away_is_that_of_the_wall_clock_after_another_boot(tmp_path, battery, monkeypatch):
+@pytest.mark.parametrize(
+    ("is_set", "unix_s", "away_s"),
+    [(True, 7200.0, 7200.0), (False, 30.0, math.nan), (True, -1.8e9, math.nan)],
+    ids=["set", "goes on from its shutdown", "begins in 1970"],
+)
+def test_the_time_away_after_another_boot_is_that_of_a_wall_clock_that_is_set(
+    tmp_path, battery, monkeypatch, is_set, unix_s, away_s
+):
     clock = FakeClock()
     first = folder(tmp_path, clock)
     first.write(driven(battery), clock.now_s())
     first.close()
     monkeypatch.setattr("ohmward.onboard.state_folder.boot_id", lambda: "another")
-    clock.monotonic, clock.unix = 3.0, clock.unix + 7200.0
+    clock.monotonic, clock.unix, clock.set = 3.0, clock.unix + unix_s, is_set
     second = folder(tmp_path, clock)
-    assert second.away_s == 7200.0
+    np.testing.assert_equal(second.away_s, away_s)
     second.close()
-    clock.unix = 0.0  # a computer without a clock of its own
-    third = folder(tmp_path, clock)
-    assert math.isnan(third.away_s)
-    third.close()
 
 
 def test_a_folder_serves_one_process(tmp_path):

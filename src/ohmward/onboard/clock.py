@@ -10,8 +10,12 @@ then leave together, in the order of their times (`Arrivals`), because samples a
 
 from __future__ import annotations
 
+import ctypes
 import math
+import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 
 from ohmward.onboard.message import Message
@@ -35,6 +39,13 @@ _AS_LATE, _BACK_S = 5, 0.5
 _DATES = 4096
 
 
+#: Clock modules of a Linux machine; a module shows the time of the wall clock that it has set within this time [s].
+_CLOCK_MODULES, _SAME_TIME_S = Path("/sys/class/rtc"), 60.0
+
+#: Results of `adjtimex(2)` of a wall clock that no network has set, and room for its record.
+_NOT_SYNCHRONIZED, _TIMEX_BYTES = (-1, 5), 512
+
+
 class SystemClock:
     """The clocks of this machine."""
 
@@ -49,6 +60,21 @@ class SystemClock:
     def unix_s(self) -> float:
         """Wall clock, seconds since 1970 (UTC)."""
         return time.time()
+
+    def is_set(self) -> bool:
+        """True if a clock module or the network has set the wall clock since this machine was switched on.
+
+        One without either, as a Raspberry Pi in the field, goes on from the time at which it was shut down.
+        """
+        if not sys.platform.startswith("linux"):
+            return True
+        for module in _CLOCK_MODULES.glob("rtc*/since_epoch"):
+            with suppress(OSError, ValueError):
+                if abs(float(module.read_text(encoding="ascii")) - self.unix_s()) < _SAME_TIME_S:
+                    return True
+        with suppress(OSError, AttributeError):
+            return ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES)) not in _NOT_SYNCHRONIZED
+        return False
 
 
 class _LateMessages(NamedTuple):

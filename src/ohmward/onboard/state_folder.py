@@ -212,7 +212,7 @@ class StateFolder:
         return self.clock.now_s() + self.clock.suspended_s()
 
     def _away_s(self) -> float:
-        """Time since the last snapshot; nan if unknown, as on a computer without a clock that was off."""
+        """Time since the last snapshot; nan if unknown, as on a computer whose clock stood still while it was off."""
         if not self.before:
             return math.nan
         try:
@@ -222,7 +222,7 @@ class StateFolder:
         except InputError as error:
             self.notes.append(str(error))
             return math.nan
-        return away_s if 0.0 < away_s < math.inf else math.nan
+        return away_s if self.clock.is_set() and 0.0 < away_s < math.inf else math.nan
 
 
 def boot_id() -> str:
