@@ -4,6 +4,7 @@ import asyncio
 import http.server
 import json
 import math
+import re
 import threading
 from contextlib import contextmanager
 
@@ -235,3 +236,10 @@ def test_home_assistant_finds_every_number_and_its_templates_read_the_view(tmp_p
     assert len({about["unique_id"] for _, about in found.values()}) == len(found)
     attributes = environment.from_string(found["Alarm"][1]["json_attributes_template"]).render(value_json=view)
     assert json.loads(attributes) == {"alarms": [LOW.text]}
+
+
+def test_home_assistant_finds_robots_whose_names_differ_in_an_umlaut():
+    sinks = [MqttSink(topic=f"ohmward/{name}", home_assistant="ha", robot=name) for name in ("Süd 1", "Sod 1", "Söd 1")]
+    topics = [topic for sink in sinks for topic, _ in sink.discovery()]
+    assert len(set(topics)) == len(topics)
+    assert all(re.fullmatch(r"ha/\w+/[a-zA-Z0-9_-]+/[a-zA-Z0-9_-]+/config", topic) for topic in topics)

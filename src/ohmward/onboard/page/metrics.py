@@ -107,7 +107,7 @@ def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]
 
     topic: of the robot; TOPIC/now is its view, TOPIC/status says whether it is online.
     """
-    node = re.sub(r"\W+", "_", topic)
+    node = re.sub(r"\W+", "_", topic.encode("ascii", "backslashreplace").decode())  # no other letters are allowed
     device = {"identifiers": [node], "name": robot, "manufacturer": "ohmward", "sw_version": __version__}
     common = {"device": device, "state_topic": f"{topic}/now", "availability_topic": f"{topic}/status"}
     common |= {"payload_available": "online", "payload_not_available": "offline"}
