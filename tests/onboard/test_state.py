@@ -419,6 +419,19 @@ def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
     changed.close()
 
 
+def test_a_disk_that_is_full_by_now_keeps_no_known_battery_from_starting(tmp_path, battery, monkeypatch):
+    save_battery(battery, given := tmp_path / "given.toml")
+    first = folder(tmp_path / "state", FakeClock(), learn=True)
+    first.battery(str(given))
+    first.close()
+
+    def full(*_):
+        raise OhmwardError("no space left on device")
+
+    monkeypatch.setattr("ohmward.onboard.state_folder.write_text", full)
+    assert folder(tmp_path / "state", FakeClock(), learn=True).battery(str(given)) == load_battery(given)
+
+
 def test_what_was_learnt_goes_with_the_battery_that_is_taken_out(tmp_path, battery):
     state, given = tmp_path / "state", tmp_path / "given.toml"
     save_battery(battery, given)

@@ -99,10 +99,12 @@ class StateFolder:
             return battery
         digest = hashlib.sha256(source.read_bytes()).hexdigest()
         noted = self.path / GIVEN
-        if noted.exists() and noted.read_text(encoding="ascii", errors="replace") != digest:
+        before = noted.read_text(encoding="ascii", errors="replace") if noted.exists() else ""
+        if before not in ("", digest):
             self._forget_learnt()
             self.notes.append(f"{given} has changed: it is used, and what was learnt with the one before is forgotten")
-        write_text(noted, digest)
+        if before != digest:  # a disk that is full by now is no reason to refuse
+            write_text(noted, digest)
         if learnt.exists() and self.before and not self.away_s <= DRIVE_S:
             learnt.replace(in_use)
         if not in_use.exists():
