@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -219,9 +220,12 @@ def test_keys_that_are_nearly_quantities_are_named_once_and_invented_ones_do_not
         assert message and message.values == {"battery_voltage_V": 13.0}
     for k in range(300):
         JsonLinesSource().message(b'{"battery_curent%d_A": 1}' % k, Wiring({}), 1.0)
-    record, *others = caplog.records
-    assert 50 < len(others) < 100
-    assert "'battery_curent_A' is no quantity and left out; did you mean battery_current_A?" in record.message
+    for letters in permutations("abcdefgh", 3):
+        JsonLinesSource().message(f'{{"battery_current_{"".join(letters)}": 1}}'.encode(), Wiring({}), 1.0)
+    first, numbered, *others = caplog.records
+    assert "'battery_curent_A' is no quantity and left out; did you mean battery_current_A?" in first.message
+    assert "'battery_curent#_A' is no quantity" in numbered.message
+    assert len(others) < 100
 
 
 def test_a_line_that_cannot_be_read_is_shown(caplog):

@@ -11,6 +11,7 @@ import difflib
 import itertools
 import math
 import os
+import re
 import stat
 import sys
 import time
@@ -191,9 +192,11 @@ def _publisher(transport: asyncio.BaseTransport, others: Collection[str]) -> str
 
 
 @lru_cache(maxsize=1024)
-def _name_misspelt(key: str) -> None:
-    """Log once a key that is nearly the name of a quantity, among the first `_UNKNOWN_KEYS` that are none."""
-    name = key.partition(".")[0]
+def _name_misspelt(name: str) -> None:
+    """Log once a key that is nearly the name of a quantity, among the first `_UNKNOWN_KEYS` that are none.
+
+    name: the key, with # for every number: a pack has a key for each cell.
+    """
     if _name_misspelt.cache_info().misses > _UNKNOWN_KEYS:
         return
     if near := difflib.get_close_matches(name, QUANTITIES, n=1, cutoff=_NEARLY):
@@ -206,7 +209,7 @@ def _name_misspelt(key: str) -> None:
 def _signal(key: str, number: int | None = None) -> str:
     """The signal of a key, with the number of a wheel, motor or cell; "" if there is no such signal."""
     if key.partition(".")[0] not in QUANTITIES:
-        _name_misspelt(key)
+        _name_misspelt(re.sub(r"\d+", "#", key.partition(".")[0]))
         return ""
     signal = key if number is None else f"{key}.{number}"
     try:
