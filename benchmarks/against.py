@@ -150,6 +150,7 @@ def _measured(root: Path, folder: Path) -> dict[str, float]:
     folder.mkdir(exist_ok=True)
     places = os.pathsep.join(map(str, (root / "src", root / "lab")))
     alone = {"OMP_NUM_THREADS": "1", "OHMWARD_THREADS": "1", "OHMWARD_CACHE": str(folder / "cache")}
+    alone |= {"OHMWARD_LOWERING": "machine"}  # no first steps in Python
     done = subprocess.run(
         [sys.executable, "-c", _MEASURED],
         check=True,

@@ -208,7 +208,9 @@ def live_section(repeats: int) -> Section:
         rows.append((name, duration(machine.median), spread(machine), duration(python.median), spread(python)))
         goals.append(Goal(f"`update()`, {name}, machine code", machine.median, 3e-6))
         goals.append(Goal(f"`update()`, {name}, Python source", python.median, 40e-6))
-    motions = measure({name: moves(kind(robot), wheels) for name, (kind, robot, wheels) in MOTIONS.items()}, repeats)
+    motions = measure(
+        {name: moves(kind(robot, "machine"), wheels) for name, (kind, robot, wheels) in MOTIONS.items()}, repeats
+    )
     for name, taken in motions.items():
         one = taken.per(UPDATES)
         rows.append((name, duration(one.median), spread(one), "", ""))

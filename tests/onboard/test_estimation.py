@@ -34,6 +34,7 @@ def voltage(t):
     return 15.2 + 0.03 * current(t) - 1e-3 * t
 
 
+@pytest.mark.usefixtures("in_python")
 def test_the_charge_is_that_of_the_estimator(battery):
     estimation, alone = Estimation(battery), SocEstimator(battery)
     for k in range(100):
@@ -226,6 +227,7 @@ def test_the_range_learns_nothing_while_no_speed_is_measured(battery, left):
     assert learnt[3999] == learnt[1800]
 
 
+@pytest.mark.usefixtures("in_python")
 def test_another_battery_begins_with_its_first_voltage(battery):
     """It was half empty, and another one, nearly full, is put in; an event that stays is one."""
     estimation, alone = Estimation(battery), SocEstimator(battery)

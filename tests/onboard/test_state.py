@@ -92,6 +92,7 @@ def test_a_cut_at_any_byte_leaves_a_snapshot(tmp_path):
         assert (read_snapshot(tmp_path).content or {})["a"] == 1
 
 
+@pytest.mark.usefixtures("in_python")
 def test_a_restart_within_a_minute_goes_on_to_the_bit(battery):
     before = driven(battery, RLMA)
     content = json.loads(json.dumps(remember(before, 1300.0), allow_nan=False))

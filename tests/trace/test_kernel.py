@@ -1,5 +1,6 @@
 """Kernels: one call, one log, many logs; what they take and what they refuse."""
 
+import os
 import pickle
 import subprocess
 import sys
@@ -319,12 +320,13 @@ def test_sources_can_be_read_and_explained(kernel):
         kernel.source("c")
 
 
-@pytest.mark.parametrize(("lowering", "runs"), [("python", "Python"), ("machine", "machine"), ("auto", "machine")])
-def test_an_explanation_names_what_runs(lowering, runs):
+@pytest.mark.parametrize(
+    ("lowering", "live"), [("python", "PythonLive"), ("machine", "MachineLive"), ("auto", "PromptLive")]
+)
+def test_an_explanation_names_what_runs(lowering, live):
     kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering=lowering)
-    live = type(kernel.live(0.0)).__name__
-    assert (live == "MachineLive") == (runs == "machine")
-    assert ("Live samples and logs: Python" in kernel.explain()) == (runs == "Python")
+    assert type(kernel.live(0.0)).__name__ == live
+    assert ("Live samples and logs: Python" in kernel.explain()) == (lowering == "python")
 
 
 def scaled(x, factor):
@@ -371,16 +373,15 @@ def test_without_machine_code_long_logs_run_in_python_which_is_said_once(monkeyp
     assert reason in kernel.explain()
 
 
-@pytest.mark.parametrize("lowering", ["auto", "prompt"])
-def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkeypatch, lowering):
+def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkeypatch):
     without(monkeypatch, "llvmlite is not installed")
-    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering=lowering)
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
     assert kernel.scan(0.0, np.ones(9))[0] == 9
     assert kernel.live(1.0).step(2.0) == 1.0
 
 
-def test_prompt_live_steps_begin_in_python_and_continue_in_machine_code():
-    kernel: Any = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="prompt")
+def test_live_steps_begin_in_python_and_continue_in_machine_code():
+    kernel: Any = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="auto")
     with kernel_module._BEHIND:  # nothing is compiled meanwhile
         first, second = kernel.live(1.0), kernel.live(10.0)
         assert [first.step(2.0), first.state] == [2.0, 3.0]
@@ -392,6 +393,19 @@ def test_prompt_live_steps_begin_in_python_and_continue_in_machine_code():
     first.state = 0.0
     assert first.step(0.0) == 0.0
     assert first.is_finite()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_process_forked_behind_the_first_live_steps_can_compile():
+    of_parent, of_child = (Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto") for _ in range(2))
+    of_parent.live(1.0)
+    child = os.fork()
+    if child == 0:
+        of_child.live(1.0)
+        of_child._behind.join(20.0)
+        os._exit(of_child._behind.is_alive())
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_machine_code_that_is_asked_for_is_not_replaced(monkeypatch):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.trace import Kernel, where
-from ohmward.trace.lower import llvm_machine_code
+from ohmward.trace.kernel import repeatable_lowering
 from ohmward.trace.structure import pick_lanes, side_by_side
 from ohmward.traction.control import Limits, WheelSpeedDrive
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
@@ -514,8 +514,7 @@ def _compiled(name: str, ground: str, method: str) -> tuple[Kernel, Any]:
     robot = ROBOTS[name]
     init, step = next(m for m in SLIP_METHODS if m.name == method).make(robot, ground)
     example = RobotSample(0.0, np.zeros(len(robot.places)), np.zeros(robot.driven))
-    lowering = "python" if llvm_machine_code.reason_for_none() else "machine"
-    return Kernel(step, init(example), example, lowering=lowering), init
+    return Kernel(step, init(example), example, lowering=repeatable_lowering()), init
 
 
 def figures(scores: Sequence[DriveScore], has_band: bool) -> dict[str, float]:

@@ -36,7 +36,7 @@ def demo_process(driven: bool = False) -> Process:
         control = ControlSink(demonstration().robot, simulation=SimulatedOutput(), limits=_PATIENT)
         LOG.info("drive it in another terminal: ohmward drive")
         sinks.append(control)
-    estimation = Estimation(battery, demonstration().model, lowering="prompt")
+    estimation = Estimation(battery, demonstration().model)
     return Process(estimation, *connect_simulated_drives([SimulationSource()], sinks))
 
 

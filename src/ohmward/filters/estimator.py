@@ -71,7 +71,8 @@ def clock_after(clock_s: float, time_s: float, late: LateSamples) -> tuple[float
 class LiveEstimator(ABC, Generic[S, E]):
     """Base of the stateful estimators; S is the record of a sample, E that of an estimate.
 
-    A running estimator can be copied and pickled, and the copy continues bit for bit.
+    A running estimator can be copied and pickled, and the copy continues bit for bit. The first samples run in Python
+    while the step is compiled, where machine code is not at hand: their last digits may differ, not with a `lowering`.
 
     Attributes:
         settings: the estimator itself.

@@ -29,6 +29,7 @@ from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.store import DATABASE, totals_of_store
 from ohmward.signals.checks import NOT_COUNTED, doubled
+from ohmward.trace.kernel import repeatable_lowering
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
@@ -175,6 +176,6 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         time.time(),
         setup.cutoff_V,
         label,
-        # the same log gives the same estimates to the last digit, whenever its machine code is there
-        None if any(isinstance(source, ReplaySource) for source in setup.source) else "prompt",
+        # the same log gives the same estimates to the last digit
+        repeatable_lowering() if any(isinstance(source, ReplaySource) for source in setup.source) else None,
     )

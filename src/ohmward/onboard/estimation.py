@@ -83,7 +83,7 @@ class Estimation:
         unix_s: Unix time at which the estimators start [s], see `SocEstimator`.
         cutoff_V: voltage of the battery at which the robot stops; 0 if nothing monitors it.
         label: what is known of another battery of the same kind when it is put in; default: `battery`.
-        lowering: of the estimators, see `ohmward.trace.Kernel`; "prompt" answers while they are being compiled.
+        lowering: of the estimators, see `ohmward.trace.Kernel`.
 
     Attributes:
         swaps: number of times that another battery was put in, as reported or as its voltage shows.
@@ -166,10 +166,7 @@ class Estimation:
         self._full_s, self._full_pending = -math.inf, False
 
     def compile(self) -> None:
-        """Compile on copies, so that the first samples need not wait: 3 to 6 s, or some hundredths from the disk.
-
-        With the lowering "prompt" the machine code follows behind, and this takes a second.
-        """
+        """Answer once on copies, so that the first samples need not wait: a second, or hundredths from the disk."""
         if self.soc and self.battery:
             middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
             copy(self.soc).update(0.0, 0.0, middle_V)

@@ -25,7 +25,7 @@ from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import check, flatten, leaves, size
 
-LOWERINGS = ("auto", "python", "machine", "prompt")
+LOWERINGS = ("auto", "python", "machine")
 
 #: Number of steps of all logs of a kernel together from which machine code is faster although it must be compiled
 #: first: 0.2 s for 1,500 operations, 0.6 s for 4,500, 1.5 s for 10,400, where one in Python takes 40, 100 and 200 us.
@@ -33,11 +33,19 @@ WORTH_STEPS = 10_000
 #: Number of steps of all lanes of one call together from which machine code is faster.
 WORTH_LANE_STEPS = 400_000
 
-#: Kernels are compiled one after the other behind their live steps, which need the processor too.
+#: Kernels are compiled one after the other behind their live steps, which need the processor too. A fork waits for the
+#: compiler, whose own locks would stay closed in the child.
 _BEHIND = Lock()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_BEHIND.acquire, after_in_parent=_BEHIND.release, after_in_child=_BEHIND.release)
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
+
+
+def repeatable_lowering() -> str:
+    """Lowering whose live steps give equal bits for equal samples, whatever has been compiled before."""
+    return os.environ.get("OHMWARD_LOWERING") or ("python" if llvm_machine_code.reason_for_none() else "machine")
 
 
 class Kernel:
@@ -46,9 +54,9 @@ class Kernel:
     function:  written for tracing. For `scan` and `scan_lanes`: `step(state, sample) -> (state, output)`.
     examples:  arguments with the structure of later ones; their values do not matter.
     constants: further arguments, the same for all calls; they are not traced.
-    lowering:  for whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" uses machine code
-               if it is installed and the logs so far, with this one, are long enough to pay for the compilation.
-               "prompt" is "auto" whose live steps begin in Python while the machine code is compiled in a thread.
+    lowering:  "python" needs nothing but NumPy, "machine" needs llvmlite. "auto" uses machine code if it is installed:
+               live steps begin in Python while a thread compiles, whole logs wait for it if those so far, with this
+               one, are long enough to pay for the compilation.
                None: the environment variable OHMWARD_LOWERING, else "auto".
 
     Results are those of `function` with floats. In Python: arithmetic, sqrt, comparisons and tables to the last bit;
@@ -135,8 +143,8 @@ class Kernel:
     def live(self, state: Any, flags: FlagTable = None) -> Live:
         """The step as an object that keeps its state: `live(state).step(sample) -> output`.
 
-        It runs in machine code if llvmlite is installed, found in the cache or compiled: now, or behind the first steps
-        if the lowering is "prompt".
+        It runs in machine code if llvmlite is installed, found in the cache, or compiled behind the first steps in
+        Python; with the lowering "machine" compiled now, so that equal samples give equal bits.
 
         flags: value that replaces each number in the output's field `flags`; None leaves the numbers.
         """
@@ -150,14 +158,13 @@ class Kernel:
 
         def in_python_at_first() -> Live:
             _ = self._call  # made from the trace, which is gone once the machine code is there
-            first, self._behind = in_python(), self._behind or self._begin_behind()
+            first = in_python()
+            if not (self._behind and self._behind.is_alive()):
+                self._behind = self._begin_behind()
             return PromptLive(first, lambda: self._at_hand, lambda state: self.live(state, flags))
 
-        compiles = not llvm_machine_code.reason_for_none()
-        is_behind = compiles and self.lowering == "prompt" and not self._at_hand
-        return self._run(
-            in_machine_code, in_python_at_first if is_behind else in_python, worth=compiles and not is_behind
-        )
+        compiles = self.lowering == "auto" and not llvm_machine_code.reason_for_none()
+        return self._run(in_machine_code, in_python_at_first if compiles else in_python, worth=self._at_hand)
 
     def source(self, lowering: str = "python") -> str:
         """The generated program: "python" (one step), "numpy" (loop over many lanes) or "llvm" (loop over one log)."""

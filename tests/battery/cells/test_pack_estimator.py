@@ -107,6 +107,7 @@ def test_live_samples_and_a_log_agree():
     assert now.pack.usable_Ah == pytest.approx(run.pack.usable_Ah[-1], abs=1e-8)
 
 
+@pytest.mark.usefixtures("in_python")
 def test_a_snapshot_goes_on_to_the_bit():
     log, _, file = pack(UNEQUAL)
     whole, part = PackEstimator(file), PackEstimator(file)

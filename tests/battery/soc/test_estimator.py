@@ -120,6 +120,7 @@ def test_two_halves_are_the_whole(estimator):
 
 
 @each
+@pytest.mark.usefixtures("in_python")
 def test_a_restart_from_a_snapshot_goes_on_to_the_bit(estimator):
     before = SocEstimator(estimator, 0.8)
     before.run(LOG.select(slice(0, 400)))

@@ -90,7 +90,7 @@ def test_auto_takes_machine_code_for_many_lanes(monkeypatch):
 def test_the_environment_chooses_and_a_wrong_word_is_refused(monkeypatch):
     monkeypatch.setenv("OHMWARD_LOWERING", "python")
     assert Kernel(step, START, SAMPLE).lowering == "python"
-    with pytest.raises(InputError, match="lowering must be one of auto, python, machine, prompt, got 'gpu'"):
+    with pytest.raises(InputError, match="lowering must be one of auto, python, machine, got 'gpu'"):
         Kernel(step, START, SAMPLE, lowering="gpu")
 
 

@@ -31,9 +31,10 @@ def _own_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("OHMWARD_CACHE", str(tmp_path / "cache"))
 
 
-def new(make, kept=True):
+def new(make, kept=True, lowering="machine"):
     """An estimator whose kernel is its own."""
     estimator = make()
+    estimator.lowering = lowering
     estimator._kernel = estimator.compiled()
     if not kept:
         estimator._kernel._key = None
@@ -72,7 +73,7 @@ def test_a_short_log_takes_the_stored_step_too():
     make, samples = CASES["charge"]
     live = new(make)
     expected = [live.update(*sample).soc for sample in samples]
-    kept = new(make)
+    kept = new(make, lowering="auto")
     np.testing.assert_allclose(kept.run(LOG).estimates.soc, expected, rtol=1e-9)
     assert not is_traced(kept)
 

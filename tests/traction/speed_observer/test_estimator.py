@@ -125,12 +125,6 @@ def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observe
         assert_allclose(f, e, rtol=1e-9, atol=ROUNDING.get(name, 1e-9), err_msg=name)
 
 
-def test_live_samples_run_in_machine_code_where_it_is_installed():
-    live = SlipEstimator(OBSERVER)
-    live.step(rows(samples_of(drive(), OBSERVER.scene.robot))[0])
-    assert type(live._live).__name__ == "MachineLive"
-
-
 @pytest.mark.parametrize("lowering", ["python", "machine"])
 def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
     live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER.scene.robot))[0]
