@@ -398,6 +398,7 @@ def test_live_steps_begin_in_python_and_continue_in_machine_code():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_process_forked_behind_the_first_live_steps_can_compile():
+    of_child: Any
     of_parent, of_child = (Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto") for _ in range(2))
     of_parent.live(1.0)
     child = os.fork()

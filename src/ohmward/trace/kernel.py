@@ -188,7 +188,7 @@ class Kernel:
         in_machine_code = f"machine code, {self.machine.width} lanes wide."
         if self.lowering == "machine":
             return f"{head}\nLive samples and logs: {in_machine_code}"
-        return f"{head}\nLive samples and long logs: {in_machine_code}\nShort logs: {in_python}"
+        return f"{head}\nLive samples and long logs: {in_machine_code}\nFirst live samples, and short logs: {in_python}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as the function and its examples; the other process traces again."""
