@@ -380,13 +380,16 @@ def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkey
     assert kernel.live(1.0).step(2.0) == 1.0
 
 
-def test_live_steps_begin_in_python_and_continue_in_machine_code():
+def test_live_steps_begin_in_python_and_continue_in_machine_code(monkeypatch):
+    returned: list[int] = []
+    monkeypatch.setattr(kernel_module, "_return_memory", lambda: returned.append(1))
     kernel: Any = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="auto")
     with kernel_module._BEHIND:  # nothing is compiled meanwhile
         first, second = kernel.live(1.0), kernel.live(10.0)
         assert [first.step(2.0), first.state] == [2.0, 3.0]
         assert "_one_machine" not in vars(kernel)
     kernel._behind.join()
+    assert len(returned) == 1
     assert [first.step(4.0), second.step(1.0)] == [6.0, 20.0]
     assert [first.state, second.state] == [7.0, 11.0]
     assert type(kernel.live(0.0)).__name__ == "MachineLive"
