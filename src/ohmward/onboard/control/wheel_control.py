@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.onboard.control.operator_command import NOTHING, DriveLimits, OperatorCommand
 from ohmward.trace import Kernel
+from ohmward.trace.kernel import repeatable_lowering
 from ohmward.traction.control import (
     ForceFilter,
     Limits,
@@ -50,7 +51,9 @@ class _EachWheel:
         self._controller = controller
         first = Measurement(*[0.0] * len(Measurement._fields))
         start = _floats(controller.init(first))
-        kernel = Kernel(partial(_step, controller), start, (command(0.0, 0.0), first, 0.0))
+        example = command(0.0, 0.0), first, 0.0
+        # compiled before the motors turn: a compilation beside the loop would delay its beats
+        kernel = Kernel(partial(_step, controller), start, example, lowering=repeatable_lowering())
         self._lives = [kernel.live(start) for _ in range(wheels)]
 
     def begin(self, first: Measurement, torque_Nm: np.ndarray) -> None:
