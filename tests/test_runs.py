@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.runs import between, interpolated, runs, window_starts
+from ohmward.runs import between, interpolated, repeats, runs, where_known, window_starts
 
 
 @pytest.mark.parametrize(
@@ -60,3 +60,14 @@ def test_lines_lie_between_samples_that_are_near_and_nowhere_else():
     at_s = np.array([0.5, 1.0, 2.5, 6.0, 6.5, 30.0, 30.5])
     assert interpolated(at_s, time_s, values, 10.0) == pytest.approx([nan, 1, 2.5, 6, nan, 30, nan], nan_ok=True)
     assert np.isnan(interpolated(at_s, time_s, np.full(32, nan))).all()
+
+
+def test_a_missing_value_repeats_nothing():
+    values = np.array([1.0, 1.0, np.nan, np.nan, 2.0, 2.0, -0.0, 0.0])
+    assert repeats(values).tolist() == [False, True, False, False, False, True, False, True]
+
+
+def test_columns_without_gaps_are_not_copied():
+    whole, holed = np.arange(4.0), np.array([0.0, np.nan, 2.0, np.inf])
+    assert all(found is values for found, values in zip(where_known(whole, whole), (whole, whole), strict=True))
+    assert [found.tolist() for found in where_known(whole, holed)] == [[0.0, 2.0], [0.0, 2.0]]

@@ -23,6 +23,19 @@ def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest:
     return list(zip(first[enough].tolist(), stop[enough].tolist(), strict=True))
 
 
+def repeats(values: np.ndarray) -> np.ndarray:
+    """(T,) True where a value is that of the row before to the last digit; nan is not."""
+    same = np.zeros(values.size, dtype=bool)
+    np.equal(values[1:], values[:-1], out=same[1:])
+    return same
+
+
+def where_known(*columns: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The columns (T,) at the rows where all of them are finite; the columns themselves where every row is."""
+    known = np.logical_and.reduce([np.isfinite(values) for values in columns])
+    return columns if known.all() else tuple(values[known] for values in columns)
+
+
 def window_starts(time_s: np.ndarray, window_s: float, begin_s: float) -> np.ndarray:
     """Index of the first sample in every window of time that has one.
 

@@ -22,7 +22,7 @@ from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, sampl
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
-from ohmward.runs import long_runs, window_starts
+from ohmward.runs import long_runs, where_known, window_starts
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
 from ohmward.signals.survey import running_median
@@ -90,9 +90,12 @@ def check_log(log: Log, battery: Battery) -> Log:
         InputError: the median voltage is more than 20 % outside, or no battery of this capacity carries the current:
             another battery, or another unit.
     """
-    current_A = np.abs(log.current_A[np.isfinite(log.current_A)])
-    most_A = float(np.quantile(current_A, _USUALLY_BELOW)) if current_A.size else 0.0
-    if most_A > _IMPOSSIBLE_C * battery.capacity_Ah:
+    limit_A = _IMPOSSIBLE_C * battery.capacity_Ah
+    (current_A,) = where_known(log.current_A)
+    most_A = float(np.abs(current_A).max(initial=0.0))
+    if most_A > limit_A:
+        most_A = float(np.quantile(np.abs(current_A), _USUALLY_BELOW))
+    if most_A > limit_A:
         raise InputError(
             f"{log.name}: its current reaches {most_A:.4g} A, {most_A / battery.capacity_Ah:.0f} times the capacity of "
             f"battery {battery.name!r}, {battery.capacity_Ah:g} Ah, an hour; is it a log of another battery, or in "

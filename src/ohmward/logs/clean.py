@@ -16,7 +16,7 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, counted, held, numbers
 from ohmward.logs.units import UNITS
 from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
-from ohmward.runs import from_to, long_runs
+from ohmward.runs import from_to, long_runs, repeats, where_known
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.current_size import not_in_amperes
@@ -108,8 +108,11 @@ def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple
     A disturbed bus gives 32.767 or 655.35 A, for example. A current that flows moves the voltage across the resistance
     at once, or in the next row if the voltage is sampled later.
     """
+    size_A = np.abs(current_A)
+    if np.count_nonzero(_HUGE * size_A >= np.fmax.reduce(size_A)) >= 0.01 * size_A.size + 2:
+        return current_A, ()  # so many are as large as a third of the largest that the quantile is
     known = np.isfinite(current_A)
-    usual_A = float(np.quantile(np.abs(current_A[known]), 0.99)) if known.any() else 0.0
+    usual_A = float(np.quantile(size_A[known], 0.99)) if known.any() else 0.0
     rows, around_A = _alone(current_A, 0.0, _HUGE * usual_A)
     if not rows.size:
         return current_A, ()
@@ -133,14 +136,13 @@ def without_stuck_current(
 
     At rest or under a steady load the voltage relaxes; a load that is no longer measured still moves it back and forth.
     """
-    same = np.diff(current_A, prepend=np.nan) == 0.0
+    same = repeats(current_A)
     steady = long_runs(same, time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
     if not steady:
         return current_A, ()
     flickers = _flickers(same, current_A, steady)
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    largest_A = np.abs(np.diff(current_A[known])).max(initial=0.0)
-    edge_V = edge_test(current_A[known], voltage_V[known]).resistance_ohm * largest_A
+    known_A, known_V = where_known(current_A, voltage_V)
+    edge_V = edge_test(known_A, known_V).resistance_ohm * np.abs(np.diff(known_A)).max(initial=0.0)
     moves_V = np.diff(voltage_V, prepend=np.nan)
     noise_V = spread(moves_V[np.isfinite(moves_V)])
     step_V = resolution(voltage_V[np.isfinite(voltage_V)])
@@ -172,7 +174,7 @@ def without_repeated_rows(
     A sensor that is heard flickers in its last digit, also under a steady current; a battery at rest read in coarse
     digits, and a test at constant current, repeat their rows everywhere.
     """
-    each = [np.diff(values, prepend=np.nan) == 0.0 for values in (current_A, voltage_V)]
+    each = [repeats(values) for values in (current_A, voltage_V)]
     repeated = long_runs(each[0] & each[1], time_s, _STUCK_CURRENT_S, _STUCK_ROWS)
     if not all(_flickers(same, current_A, repeated) for same in each):
         return current_A, voltage_V, ()
@@ -355,8 +357,9 @@ def _hold_changes(table: Table, time: str, names: Sequence[str]) -> Table:
     """
     columns = {name: table.columns[name] for name in names}
     sparse = {name: values for name, values in columns.items() if not np.isfinite(values).all()}
-    repeated = any((np.diff(values[np.isfinite(values)]) == 0.0).any() for values in columns.values())
-    if not sparse or repeated or not any(_are_changes(values) for values in columns.values()):
+    if not sparse or any(repeats(values[np.isfinite(values)]).any() for values in columns.values()):
+        return table
+    if not any(_are_changes(values) for values in columns.values()):
         return table
     text = f"{listed(sorted(sparse))}: only changes are written, each value holds until the next one"
     table = table.with_columns({name: held(values) for name, values in sparse.items()}, Note(text))

@@ -138,9 +138,11 @@ def _set_at_boot(clock: Clock, name: str) -> Clock:
 
     Such a clock starts at a New Year, or before 2000. The rows before the jump end a usual interval before the others.
     """
+    if not np.fmax.reduce(clock.time_s) - np.fmin.reduce(clock.time_s) >= _SET_FROM_S:
+        return clock
     known = np.flatnonzero(np.isfinite(clock.time_s))
     steps = np.diff(clock.time_s[known])
-    if not steps.size or steps.max() < _SET_FROM_S:
+    if steps.max() < _SET_FROM_S:
         return clock
     last = int(np.argmax(steps))
     begin_s, end_s = clock.time_s[known[0]], clock.time_s[known[last]]

@@ -289,7 +289,7 @@ class ReadOptions:
             progress=progress,
             hints=self.hints,
         )
-        return replace(log, name=selected_name(log.name, where))
+        return replace(log, name=selected_name(log.name, where)) if where else log
 
 
 def as_log(source: LogSource) -> Log:

@@ -139,7 +139,7 @@ def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) 
     if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1
     time_s = table.columns[time]
-    later = np.diff(time_s) > 0
+    later = time_s[1:] > time_s[:-1]
     if later.all():
         return 1
     first = np.flatnonzero(np.append(True, later))

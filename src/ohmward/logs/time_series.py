@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import fields, replace
 from typing import Any, Self
 
@@ -81,8 +82,9 @@ class TimeSeries(RichDisplay):
 
     def with_notes(self, *notes: Note) -> Self:
         """The same log with more notes."""
-        log: Any = self
-        return replace(log, notes=self.notes + notes)
+        log = copy(self)  # whose arrays have been checked
+        object.__setattr__(log, "notes", self.notes + notes)
+        return log
 
     def part(self, hints: FileHints) -> Self:
         """The part between `start` and `stop` of the hints, if they give them; InputError where it has no sample."""
@@ -112,8 +114,8 @@ class TimeSeries(RichDisplay):
             raise InputError(f"{title} must be one-dimensional with at least one sample, not {time_s.shape}")
         if not np.isfinite(time_s).all():
             raise InputError(f"{title} must be finite; drop the samples without a time")
-        if (falls := np.flatnonzero(np.diff(time_s) <= 0)).size:
-            i = int(falls[0])
+        if (falls := time_s[1:] <= time_s[:-1]).any():
+            i = int(np.argmax(falls))
             raise InputError(
                 f"{title} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
                 f"{i} ({time_s[i]:g} s); sort the samples and merge equal times"

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.runs import runs
+from ohmward.runs import runs, where_known
 from ohmward.signals.checks import Finding, Place
 from ohmward.signals.survey import resolution, spread
 
@@ -104,12 +104,9 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
 
     time_s: (T,) [s] increasing; current_A: (T,) [A] of either sign; voltage_V: (T,) [V]; NaN samples are left out.
     """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    if not known.all():
-        current_A = current_A[known]
-        voltage_V = voltage_V[known]
+    time_s, current_A, voltage_V = where_known(time_s, current_A, voltage_V)
     edges = edge_test(current_A, voltage_V)
-    trend = trend_test(time_s[known], current_A, voltage_V)
+    trend = trend_test(time_s, current_A, voltage_V)
     clear = {edges.sign, trend} - {0}
     changes = 0 if clear else change_test(current_A, voltage_V)
     signs = clear or {changes}
@@ -123,15 +120,14 @@ def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> Finding | None:
     Where the current rises abruptly, the voltage steps up or down, and goes on that way while the current stays: the
     direction that is seen less often must be seen like that at least once.
     """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    current_A = current_A[known]
+    current_A, voltage_V = where_known(current_A, voltage_V)
     if current_A.size < 2:
         return None
     ends_A = -current_A.min(), current_A.max()
     largest_A = max(ends_A)
     if min(ends_A) > _NO_SIGN * largest_A:
         return None
-    size_A, voltage_V = np.abs(current_A), voltage_V[known]
+    size_A = np.abs(current_A)
     dI, dV = np.diff(size_A), np.diff(voltage_V)
     noise_V = max(spread(dV), resolution(voltage_V))
     rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))

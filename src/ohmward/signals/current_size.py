@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.quantities import QUANTITIES, SECONDS_PER_HOUR
-from ohmward.runs import long_runs
+from ohmward.runs import long_runs, where_known
 from ohmward.signals.checks import Finding, Scale, rescale, scales_of
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import running_median, spread
@@ -61,8 +61,7 @@ def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np
 
     time_s: (T,) [s] increasing; current_A: (T,), > 0 charges; voltage_V: (T,); nan where not known.
     """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    time_s, current_A, voltage_V = time_s[known], current_A[known], voltage_V[known]
+    time_s, current_A, voltage_V = where_known(time_s, current_A, voltage_V)
     if current_A.size < _MEDIAN_OF:
         return
     usual_A = running_median(current_A, _MEDIAN_OF)  # noise ends no rest
@@ -83,17 +82,17 @@ def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Find
 
     current_A, voltage_V: (T,) of the battery, of either sign; nan where not known.
     """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    largest_A = float(np.abs(current_A[known]).max(initial=0.0))
+    current_A, voltage_V = where_known(current_A, voltage_V)
+    largest_A = float(np.abs(current_A).max(initial=0.0))
     for bits, digit_A in product(_BITS, _LAST_DIGITS_A):
         range_A = digit_A * 2**bits
         count = 0
         if range_A / 2 < largest_A <= range_A:
             fault = "without a sign, in which one wrapped below 0"
-            count = _count_below_zero(current_A[known], voltage_V[known], range_A, digit_A)
+            count = _count_below_zero(current_A, voltage_V, range_A, digit_A)
         elif bits == _BITS_OF_SIGNED and _USED * range_A / 2 <= largest_A <= range_A / 2:
             fault = f"that wrapped beyond {range_A / 2:g} A"
-            count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
+            count = count_wraps(np.diff(current_A), np.diff(voltage_V), range_A)
         if count:
             text = (
                 f"the voltage contradicts {count} steps of the current unless {range_A:.10g} A are added: a {bits}-bit "
@@ -221,13 +220,13 @@ def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | 
 
     current_A, voltage_V: (T,), nan where not known.
     """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    edges = edge_test(current_A[known], voltage_V[known])
+    current_A, voltage_V = where_known(current_A, voltage_V)
+    edges = edge_test(current_A, voltage_V)
     if edges.t_value == 0.0:
         return None
-    largest_A, ohm = float(np.abs(current_A[known]).max()), abs(edges.resistance_ohm)
+    largest_A, ohm = float(np.abs(current_A).max()), abs(edges.resistance_ohm)
     error_ohm = ohm * _CERTAIN / abs(edges.t_value)
-    fewest_cells = max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
+    fewest_cells = max(float(np.median(voltage_V)) / HIGHEST_CELL_V, 1.0)
     least_ohm = LEAST_CELL_OHM * fewest_cells
     seen = f"as amperes it goes to {largest_A:.3g} A at dV/dI ="
     if largest_A >= _DOUBTFUL_FROM_A and ohm + error_ohm <= least_ohm:

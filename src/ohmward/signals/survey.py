@@ -101,11 +101,12 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     time_s: (T,) [s].
     """
     intervals = np.diff(time_s)
-    if intervals.size < 2:
+    if intervals.size < 2 or intervals.max() <= _GAP_FACTOR * intervals.min():
         return np.empty(0, dtype=int)
     long = np.flatnonzero(intervals > _GAP_FACTOR * np.median(intervals))
-    around = np.concatenate([[0.0], intervals, [0.0]])
-    gaps = long[intervals[long] > _GAP_FACTOR * np.maximum(around[long], around[long + 2])]
+    before = np.where(long > 0, intervals[long - 1], 0.0)
+    after = np.where(long < intervals.size - 1, intervals[(long + 1) % intervals.size], 0.0)
+    gaps = long[intervals[long] > _GAP_FACTOR * np.maximum(before, after)]
     is_rhythm = gaps.size >= max(_FEWEST_OF_A_RHYTHM, _RHYTHM * intervals.size)
     return np.empty(0, dtype=int) if is_rhythm else gaps
 

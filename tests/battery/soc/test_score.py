@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.soc.sample import SocEstimate
-from ohmward.battery.soc.score import score, soc_scores, voltage_score
+from ohmward.battery.soc.score import score, soc_scores, voltage_errors_V
 from ohmward.logs import Log
 
 TIME_S = np.arange(0.0, 7200.0, 10.0)
@@ -37,10 +37,9 @@ def test_no_truth_no_figures():
     assert set(soc_scores(LOG, estimates(TRUTH, TRUTH), None).values()) == {None}
 
 
-def test_no_voltage_no_score():
-    assert voltage_score(LOG, estimates(TRUTH, TRUTH)) is None
-    found = voltage_score(LOG, estimates(TRUTH, TRUTH, 12.1))
-    assert found and found.mean == pytest.approx(0.1)
+def test_no_voltage_no_errors():
+    assert not voltage_errors_V(LOG, estimates(TRUTH, TRUTH)).size
+    assert voltage_errors_V(LOG, estimates(TRUTH, TRUTH, 12.1)) == pytest.approx(0.1)
 
 
 def test_the_interval_score_of_a_band_is_its_width_and_40_times_the_distance_beyond_it():

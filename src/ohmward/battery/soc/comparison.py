@@ -16,7 +16,7 @@ from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import available
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocSample
-from ohmward.battery.soc.score import REFERENCE_MARGIN, soc_reference, soc_scores, voltage_score
+from ohmward.battery.soc.score import REFERENCE_MARGIN, score, soc_reference, soc_scores, voltage_errors_V
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.optional import require
@@ -68,7 +68,8 @@ class Comparison(RichDisplay):
 
     def _figures(self, run: SocRun) -> dict[str, Any]:
         log, estimates = self.log, run.estimates
-        voltage = voltage_score(log, estimates)
+        error_V = voltage_errors_V(log, estimates)
+        voltage = score(error_V, np.zeros(error_V.size))
         return {
             "seconds": run.seconds,
             "soc_final": float(estimates.soc[-1]),

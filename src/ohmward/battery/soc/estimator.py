@@ -476,8 +476,10 @@ def _title(battery: Battery | Estimator, filter: str) -> str:
 
 def samples_of(log: Log, before_s: float = math.nan) -> SocSample:
     """The log as samples (T,); its first step counts from `before_s` if that is before the log."""
-    first = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    temperature = log.temperature_degC
-    if temperature is None:
-        temperature = np.full(len(log.time_s), math.nan)
-    return SocSample(np.diff(log.time_s, prepend=first), log.current_A, log.voltage_V, temperature)
+    dt_s, temperature_degC = np.zeros(len(log)), log.temperature_degC
+    if before_s < log.time_s[0]:
+        dt_s[0] = log.time_s[0] - before_s
+    np.subtract(log.time_s[1:], log.time_s[:-1], out=dt_s[1:])
+    if temperature_degC is None:
+        temperature_degC = np.full(len(log), math.nan)
+    return SocSample(dt_s, log.current_A, log.voltage_V, temperature_degC)

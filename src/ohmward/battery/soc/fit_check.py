@@ -113,8 +113,8 @@ def given_after_empty(battery: Battery, charge_Ah: np.ndarray, estimates: SocEst
 
     charge_Ah: (T,) counted along the log.
     """
-    empty = estimates.soc < AFTER_EMPTY_SOC
-    moved_Ah = np.diff(charge_Ah)[empty[1:]]
+    rows = np.flatnonzero(estimates.soc[1:] < AFTER_EMPTY_SOC)
+    moved_Ah = charge_Ah[rows + 1] - charge_Ah[rows]
     return -float(np.nansum(moved_Ah)) / battery.capacity_Ah
 
 
@@ -129,7 +129,9 @@ def moved_uncounted(
     time_s, charge_Ah: (T,) along the log.
     """
     rows = np.unique(np.linspace(0, len(time_s) - 1, min(_COMPARED, len(time_s))).astype(int))
-    part = np.cumsum((np.asarray(estimates.flags).astype(int) & int(_APART)) > 0)[rows]
+    flagged = np.flatnonzero(estimates.flags)
+    begins = flagged[np.asarray(estimates.flags)[flagged].astype(int) & int(_APART) > 0]
+    part = np.searchsorted(begins, rows, side="right")
     time_s = time_s[rows]
     offset_Ah = sensor.offset_A / SECONDS_PER_HOUR * (time_s - time_s[0])
     counted = (charge_Ah[rows] - offset_Ah) / capacity_Ah
@@ -148,12 +150,12 @@ def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
     nan where there are too few.
     """
     e = estimates
-    used = np.isfinite(e.innovation_V) & (e.voltage_std_V > 0.0)
-    if np.count_nonzero(used) < LEAST_INNOVATIONS:
+    used = np.flatnonzero(np.isfinite(e.innovation_V) & (e.voltage_std_V > 0.0))
+    if used.size < LEAST_INNOVATIONS:
         return math.nan
-    normalised = e.innovation_V[used]
-    normalised /= e.voltage_std_V[used]
+    rows = slice(None) if used.size == time_s.size else used
+    normalised = e.innovation_V[rows] / e.voltage_std_V[rows]
     np.clip(normalised, -LARGEST, LARGEST, out=normalised)
-    begins = window_starts(time_s[used], LASTING_S, time_s[0] // LASTING_S * LASTING_S)
+    begins = window_starts(time_s[rows], LASTING_S, time_s[0] // LASTING_S * LASTING_S)
     means = np.add.reduceat(normalised, begins) / np.diff(begins, append=normalised.size)
     return float(np.sqrt(max(normalised @ normalised / normalised.size, np.mean(means**2))))

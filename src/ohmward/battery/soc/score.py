@@ -120,30 +120,32 @@ def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> di
 
 def soc_figures(log: Log, estimates: SocEstimate) -> dict[str, float | None]:
     """Start, end and range of the state of charge in a log, the error of the voltage, the states learnt at its end."""
-    e, voltage = estimates, voltage_score(log, estimates)
+    e, error_V = estimates, voltage_errors_V(log, estimates)
     return {
         "soc_initial": float(e.soc[0]),
         "soc_final": float(e.soc[-1]),
         "soc_std_final": float(e.soc_std[-1]),
         "soc_min": float(e.soc.min()),
         "soc_max": float(e.soc.max()),
-        "voltage_rmse_V": voltage.rmse if voltage else None,
+        "voltage_rmse_V": _rms(error_V) if error_V.size else None,
         **{name: float(getattr(e, name)[-1]) for name in LEARNT},
     }
 
 
-def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
-    """Score of the expected voltage [V] without rejected samples; None where the estimator expects no voltage."""
-    return score(estimates.voltage_V, np.where(rejected_voltages(log, estimates), np.nan, log.voltage_V))
+def voltage_errors_V(log: Log, estimates: SocEstimate) -> np.ndarray:
+    """Errors (K,) of the expected voltage [V] without rejected samples; none where the estimator expects no voltage."""
+    error_V = estimates.voltage_V - log.voltage_V
+    known = np.isfinite(error_V)
+    known[rejected_voltages(log, estimates)] = False
+    return error_V if known.all() else error_V[known]
 
 
 def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
-    """(T,) True for voltages that the estimator did not use: outside its gate, or impossible for the battery."""
+    """Samples (K,) whose voltage the estimator did not use: outside its gate, or impossible for the battery."""
     left_out = int(SocFlag.VOLTAGE_REJECTED | SocFlag.NO_VOLTAGE)
-    rejected = np.zeros(len(log), dtype=bool)
     rows = np.flatnonzero(estimates.flags)
-    rejected[rows] = np.nan_to_num(estimates.flags[rows]).astype(int) & left_out != 0
-    return rejected & np.isfinite(log.voltage_V)
+    rows = rows[np.nan_to_num(estimates.flags[rows]).astype(int) & left_out != 0]
+    return rows[np.isfinite(log.voltage_V[rows])]
 
 
 def _rms(values: np.ndarray) -> float:

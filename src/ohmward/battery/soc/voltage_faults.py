@@ -43,6 +43,8 @@ JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
 JUMP_LASTS_S = 30.0
 #: A start is settled after that time, and this many samples: a few wrong ones at 0.1 Hz last as long.
 SETTLED_AFTER = 10
+#: Samples in which that is sought before the whole log is looked at.
+_FIRST_LOOKED_AT = 4096
 
 
 class HeldVoltage(NamedTuple):
@@ -157,9 +159,12 @@ def wrong_starts(
 
 def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
     """True where no two voltages are far enough apart for a jump until a start from the first of samples is settled."""
-    elapsed_s = np.cumsum(samples.dt_s) - samples.dt_s[0]
-    settled = np.flatnonzero(elapsed_s >= JUMP_LASTS_S)
-    if not settled.size:
+    for count in (_FIRST_LOOKED_AT, len(samples.dt_s)):
+        elapsed_s = np.cumsum(samples.dt_s[:count]) - samples.dt_s[0]
+        settled = np.flatnonzero(elapsed_s >= JUMP_LASTS_S)
+        if settled.size:
+            break
+    else:
         return False
     until = slice(0, max(int(settled[0]) + 1, SETTLED_AFTER))
     steps_s = samples.dt_s[until][1:]

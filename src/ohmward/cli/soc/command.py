@@ -78,7 +78,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None) -> 
         "duration_s": log.duration_s,
         **figures,
         **{STD_OF[mean]: float(getattr(estimates, STD_OF[mean])[-1]) for mean in LEARNT},
-        "rejected_voltages": int(np.count_nonzero(rejected_voltages(log, estimates))),
+        "rejected_voltages": len(rejected_voltages(log, estimates)),
         "explanation": answer.explain().as_dict(),
         "anchors": [anchor.as_dict() for anchor in judged_anchors(log, task.battery, answer)],
         "cells": cells.figures() if cells else None,
