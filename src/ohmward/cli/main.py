@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import gc
 import io
 import os
 import shlex
@@ -92,6 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of sys.argv; returns the exit status."""
     # NumPy reads this once; the matrices are small: more threads only compete, and `identify` takes ten times as long
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    gc.set_threshold(100_000, 20, 20)  # modules and traces have no garbage, but 100,000 objects to look through for it
     for stream in (sys.stdout, sys.stderr):
         # a terminal that knows no ± gets a question mark, not a traceback
         if isinstance(stream, io.TextIOWrapper):
