@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.anchor_rule import AGAIN, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, first_input, sample_limits, sanitize
+from ohmward.battery.soc.anchor_finder import AnchorFinder, FinderOutput
+from ohmward.battery.soc.anchor_rule import AGAIN, AnchorRule, SocNormal
 from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import NO_SAMPLE, SocFlag, SocSample
 from ohmward.filters.estimator import row_of
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel, where
+from ohmward.trace import Kernel
 
 AnchorKind = Literal["full charge", "nearly full", "empty", "rest"]
 
@@ -44,71 +43,6 @@ class Anchor(NamedTuple):
     current_A: float
     temperature_degC: float
     source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that reports it
-
-
-class FinderState(NamedTuple):
-    """Last credible current and temperature, the memory of the rule, and the present rest, if any."""
-
-    current_A: Any
-    temperature_degC: Any
-    memory: AnchorMemory
-    rest: Rest
-    #: 1 from a full charge, or from one that tapers below full, on, for as long as the voltage stands still
-    full: Any = 0.0
-    below_full: Any = 0.0
-
-
-class FinderOutput(NamedTuple):
-    """Output at a sample; conditions are 1 and 0."""
-
-    current_A: Any  #: last credible current
-    #: conditions that the sample completes a cut-off, or reaches the end of a flat curve, and the SoC of either
-    empty: Any
-    top: Any
-    event: SocNormal
-    #: condition that a charge tapers below the voltage of a full battery from here on
-    tapers: Any
-    #: conditions that such a charge, a full charge, a long rest, or a load that is cut off here ended with the sample
-    #: before
-    below_full: Any
-    full: Any
-    rest: Any
-    cut_off: Any
-    #: of the sample before: last credible current and temperature, and state of charge of a cut-off
-    before: CircuitInput
-    low: SocNormal
-
-
-def _start(rule: AnchorRule, first: SocSample) -> FinderState:
-    """State before the first sample."""
-    u = first_input(first, sample_limits(rule.model).current_A)
-    return FinderState(u.current_A, u.temperature_degC, AnchorMemory(), Rest())
-
-
-def _step(rule: AnchorRule, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
-    """State and output after a sample."""
-    before = CircuitInput(state.current_A, state.temperature_degC)
-    clean = sanitize(sample, before, sample_limits(rule.model))
-    memory, event = rule.step(state.memory, clean)
-    rest, _ = rule.continue_rest(state.rest, clean)
-    moved = memory.held_s < state.memory.held_s
-    full = where(event.full, 1.0, where(moved, 0.0, state.full))
-    below_full = where(rule.stops_below_full(memory, clean), 1.0, where(moved, 0.0, state.below_full))
-    after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full, below_full)
-    output = FinderOutput(
-        current_A=after.current_A,
-        empty=where(event.empty, 1.0, 0.0),
-        top=where(event.top, 1.0, 0.0),
-        event=SocNormal(event.soc, event.std),
-        tapers=where((state.below_full < 0.5) & (below_full > 0.5), 1.0, 0.0),
-        below_full=where((state.below_full > 0.5) & moved, 1.0, 0.0),
-        full=where((state.full > 0.5) & moved, 1.0, 0.0),
-        rest=where((state.rest.used > 0.5) & (rest.used < 0.5), 1.0, 0.0),
-        cut_off=where(rule.was_low(state.memory) & (sample.dt_s > CURRENT_GAP_S), 1.0, 0.0),
-        before=before,
-        low=SocNormal(state.memory.low_soc, state.memory.low_std),
-    )
-    return after, output
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -183,9 +117,10 @@ def rule_of(battery: Battery) -> AnchorRule:
 
 def _outputs(log: Log, rule: AnchorRule) -> Iterator[tuple[int, FinderOutput]]:
     """First sample and output of each stretch of a log; the last one is of a sample after its end, without a value."""
-    kernel = Kernel(partial(_step, rule), _start(rule, NO_SAMPLE), NO_SAMPLE)
+    finder = AnchorFinder(rule)
+    kernel = Kernel(finder.step, finder.init(NO_SAMPLE), NO_SAMPLE)
     columns = samples_of(log)
-    state = _start(rule, row_of(columns, 0))
+    state = finder.init(row_of(columns, 0))
     for first in range(0, len(log), _STRETCH):
         state, output = kernel.scan(state, SocSample(*(column[first : first + _STRETCH] for column in columns)))
         yield first, output
