@@ -19,6 +19,7 @@ from collections.abc import Collection, Generator, Iterator, Sequence
 from typing import Any
 
 from ohmward.trace.expression import Expression, is_condition
+from ohmward.trace.lower.guards import Guarded, guarded
 from ohmward.trace.lower.llvm_instructions import Instructions, Target
 from ohmward.trace.lower.llvm_operations import SPELLINGS, spell
 from ohmward.trace.lower.packs import Key, Pack, Packs, is_one, key_of
@@ -107,9 +108,8 @@ class _LogLoop:
         for j, symbol in self.columns:
             yield from self.load_sample(j, symbol)
         yield from self.repeated()
-        for node in self.program.nodes:
-            if node.serial not in self.write.words:
-                yield from spell(self.write, node)
+        for item in guarded(self.program, self.write.words):
+            yield from self.guard(item) if isinstance(item, Guarded) else spell(self.write, item)
         for j, y in self.results:
             yield from self.store_output(j, y)
 
@@ -173,6 +173,31 @@ class _LogLoop:
             yield f"  {both} = and i1 {same}, {equal}"
             same = both
         return same
+
+    # ---- operations that are read only where a condition holds
+
+    def guard(self, group: Guarded) -> Iterator[str]:
+        """Operations that are skipped where no lane needs them; their results are 0 there."""
+        before, needed, after = self.end, *(self.write.new()[1:] for _ in range(2))
+        condition = self.write.word(group.condition)
+        if self.target.width > 1:
+            lanes, none, condition = condition, self.write.new(), self.write.new()
+            yield self.write.line(none, "xor", self.target.flag, lanes, True)
+            yield self.write.reduced(condition, none)
+            needed, after = after, needed
+        yield f"  br i1 {condition}, label %{needed}, label %{after}"
+        if self.target.width > 1:
+            needed, after = after, needed
+        yield f"{needed}:"
+        for node in group.nodes:
+            yield from spell(self.write, node)
+        yield f"  br label %{after}"
+        yield f"{after}:"
+        self.end = after
+        for x in group.results:
+            word, zero = self.write.new(), self.target.constant(False if x.boolean else 0.0)
+            yield f"  {word} = phi {self.write.type_of(x)} [{self.write.word(x)}, %{needed}], [{zero}, %{before}]"
+            self.write.words[x.serial] = word
 
     # ---- memory
 

@@ -18,7 +18,7 @@ _MOST_INPUTS, _LEAST_GROUP = 3, 50
 #: Stands for the inputs of an operation that is computed in another way: too many.
 _MANY = frozenset(range(-_MOST_INPUTS - 1, 0))
 #: Operations that the processor fuses with the sum that alone takes their result; a stored result it would round.
-_FUSED = {"multiply", "negative"}
+FUSED = {"multiply", "negative"}
 
 
 class Repeats(NamedTuple):
@@ -47,7 +47,7 @@ def repeats_of(program: Program, apart: Collection[int] = ()) -> tuple[Repeats, 
             taken = {node.serial for node in nodes}
             for node in reversed(nodes):
                 alone = len(takers[node.serial]) == 1 and takers[node.serial].isdisjoint(taken)
-                if alone and node.operation.name in _FUSED:
+                if alone and node.operation.name in FUSED:
                     taken.remove(node.serial)
             nodes = [node for node in nodes if node.serial in taken]
             results = [node for node in nodes if not takers[node.serial] <= taken]
