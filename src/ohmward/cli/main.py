@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import difflib
 import gc
 import io
@@ -94,6 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # NumPy reads this once; the matrices are small: more threads only compete, and `identify` takes ten times as long
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     gc.set_threshold(100_000, 20, 20)  # modules and traces have no garbage, but 100,000 objects to look through for it
+    atexit.register(gc.freeze)  # nor does the end of the process need to look through them
     for stream in (sys.stdout, sys.stderr):
         # a terminal that knows no ± gets a question mark, not a traceback
         if isinstance(stream, io.TextIOWrapper):
