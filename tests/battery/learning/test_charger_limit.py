@@ -1,5 +1,6 @@
 """Full end of a label where its charger stops lower: exact curves, simulated charges, charges without a limit."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -117,6 +118,15 @@ def test_a_lower_limit_is_found_in_a_log_that_is_searched_in_stretches(stretch, 
     whole = anchors_and_limit(log, known)
     monkeypatch.setattr("ohmward.battery.soc.anchors._STRETCH", stretch)
     assert anchors_and_limit(log, known) == whole
+
+
+@pytest.mark.parametrize("spike_V", [math.nan, 0.1, -0.1, 4.0])
+def test_spikes_do_not_hide_the_limit_of_a_charger(spike_V):
+    log, _ = lower_charge()
+    voltage_V = log.voltage_V.copy()
+    voltage_V[::20] += spike_V
+    _, limit_V = anchors_and_limit(replace(log, voltage_V=voltage_V), with_known_full(label("nca")))
+    assert limit_V == pytest.approx(LIMIT_V, abs=5e-3)
 
 
 def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():

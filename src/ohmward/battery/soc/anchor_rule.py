@@ -43,6 +43,8 @@ _FULL_SOC, _BELOW_FULL = 0.985, 0.015
 _RISE_SOC, _BETWEEN_ENDS = 0.03, (0.1, 0.9)
 #: An end is steep where the curve rises by more than this many times as much.
 _STEEP = 2.0
+#: The voltage has left a limit after this time [s] elsewhere: spikes are shorter.
+_AWAY_S = 30.0
 #: A charger may have a lower limit of its own. It holds the voltage where the fall of its current would have moved it
 #: by this many times the width in which it stands still: resistances on a label are known to within a factor of two.
 _HELD_DROPS = 2.0
@@ -114,6 +116,7 @@ class AnchorMemory(NamedTuple):
 
     limit_V: Any = 0.0  #: voltage at which the voltage of a charge began to stand still
     held_s: Any = 0.0  #: time for which the voltage has stood still
+    away_s: Any = 0.0  #: time since it was last there
     peak_A: Any = 0.0  #: largest charging current while the voltage stood still
     #: charge taken out since the last full charge, over the capacity, at most 1
     discharged: Any = 1.0
@@ -253,16 +256,20 @@ class AnchorRule:
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed.
 
-        A current that stops abruptly is not a taper: until the RC pairs relax, the voltage hardly falls.
+        A current that stops abruptly is not a taper: until the RC pairs relax, the voltage hardly falls. Spikes and
+        missing voltages do not end it.
         """
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
-        same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
+        there = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
+        away_s = where(there, 0.0, memory.away_s + clean.dt_s)
+        same = clean.current_measured & (away_s < _AWAY_S) & (memory.limit_V > 0.0)
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         fell_A = 2.0 * (clean.mean.current_A - current_A)
         same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
-            held_s=where(same, memory.held_s + clean.dt_s, 0.0),
+            held_s=where(same, memory.held_s + where(there, clean.dt_s, 0.0), 0.0),
+            away_s=where(same, away_s, 0.0),
             peak_A=where(same, maximum(memory.peak_A, current_A), current_A),
             discharged=minimum(memory.discharged + maximum(-share, 0.0), 1.0),
             charged=minimum(memory.charged + maximum(share, 0.0), 1.0),
@@ -290,7 +297,7 @@ class AnchorRule:
         """True where the voltage has stood still for long enough while the charging current fell."""
         current_A = clean.now.current_A
         tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
-        return tapered & (memory.held_s > self.limits.held_s)
+        return tapered & (memory.held_s > self.limits.held_s) & (memory.away_s <= 0.0)
 
     def is_held(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
         """True where a charger holds the voltage: otherwise the fall of the current would have moved it further."""

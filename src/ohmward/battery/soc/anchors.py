@@ -67,7 +67,7 @@ def anchors_and_limit(log: Log, battery: Battery) -> tuple[tuple[Anchor, ...], f
         found += _anchors_inside(log, first, rule, output)
         tapers += (first + np.flatnonzero(output.tapers)).tolist()
         for k in np.flatnonzero(output.below_full).tolist():
-            middle_V = float(np.median(log.voltage_V[tapers.pop(0) : first + k]))
+            middle_V = float(np.nanmedian(log.voltage_V[tapers.pop(0) : first + k]))
             limits_V.append(float(rule.relaxed_V(middle_V, row_of(output.before, k))))
     is_full = any(anchor.kind == "full charge" for anchor in found)
     declared = SocNormal(1.0, rule.limits.full_std)
