@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from battery.anchor_examples import day, label
 from cli.examples import CAPACITY_AH, START_SOC, battery, drive
 from ohmward.battery.file import save_battery
 from ohmward.battery.soc.sample import STD_OF
@@ -48,6 +49,16 @@ def test_errors_are_those_of_the_estimates_file(here, as_json):
             assert found[key] == pytest.approx(value, rel=1e-9)
             assert found[f"{key}_after_1h"] == pytest.approx(late._asdict()[name], rel=1e-9)
     assert found["soc_rmse"] < 0.01
+
+
+def test_a_label_is_full_where_the_charger_of_the_log_stops(here, as_json):
+    """At 4.0 V a cell: the curve of its chemistry has 83 % there."""
+    log, truth = day("nca", 0.1, [(0.2, 0.0), (7.0, 0.3), (0.5, 0.0), (2.0, -0.3)], limit_V=4.0)
+    write_log(replace(log, extra={"soc_true": truth / truth.max()}), here / "lower.csv")
+    save_battery(label("nca"), here / "label.toml")
+    found = as_json("soc", "lower.csv", "--battery", "label.toml", "--truth", "soc_true")
+    assert any("full is where its charger stops, at 4 V at rest" in note for note in found["notes"])
+    assert found["coverage_95"] > 0.95
 
 
 def test_a_log_shorter_than_an_hour_has_no_errors_after_it(here, as_json):

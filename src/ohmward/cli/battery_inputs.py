@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.file import load_battery
+from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.log_check import check_log
 from ohmward.battery.log_reading import read_log_of
 from ohmward.battery.soc.augmented_thevenin import SOC
@@ -220,6 +221,9 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     log = check_log(read_battery_log(args.log, reading, extra, report, file, battery), battery)
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)
+    lowered = full_at_charger_limit(battery, log) if battery.noise.full_soc_std else battery
+    if moved := limit_sentence(battery, lowered):
+        warnings.append(f"info: {moved}capacities are relative to {lowered.capacity_Ah:.3g} Ah (see ohmward learn)")
     given, idle_A = args.rest_current, battery.idle_current_A
     rest_A = {None: idle_A, UNKNOWN: None}.get(given, given)
     if given is not None and idle_A is not None and given != idle_A:
@@ -229,7 +233,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     if args.truth:
         start_soc = args.initial_soc if args.truth_start is None else args.truth_start
         truth = soc_reference(log, args.truth, battery.capacity_Ah, start_soc)
-    task = SocTask(battery, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std)
+    task = SocTask(lowered if moved else battery, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std)
     return task._replace(warnings=(*warnings, *task.start_contradicted()))
 
 

@@ -48,9 +48,9 @@ _AWAY_S = 30.0
 #: A charger may have a lower limit of its own. It holds the voltage where the fall of its current would have moved it
 #: by this many times the width in which it stands still: resistances on a label are known to within a factor of two.
 _HELD_DROPS = 2.0
-#: That limit is below full where the curve says so by this many of its standard deviations. It is above this state of
-#: charge: less would not last for a day.
-BEYOND_SIGMAS, _LOWEST_LIMIT_SOC = 2.0, 0.8
+#: That limit is below full where the curve says so by this many of its standard deviations. It is above this share of
+#: the voltage of a full battery, 3.98 V for 4.19 V: less would not last for a day.
+BEYOND_SIGMAS, _LOWEST_LIMIT = 2.0, 0.95
 #: By the end of a charge the current has fallen to this share of its largest: a charge at a small constant current has
 #: no such end.
 _TAPERED = 0.5
@@ -279,9 +279,10 @@ class AnchorRule:
         """True where the charge is complete: at the limit for long enough, and tapered there."""
         at_limit = clean.voltage_V > self.full_V
         if not self.gases:
-            still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
+            relaxed_V = self.relaxed_V(clean.voltage_V, clean.now)
+            still = self.at_rest(relaxed_V, clean.now)
             may_be = (1.0 - still.soc < BEYOND_SIGMAS * still.std) & (still.std < _MOST_STD)
-            may_be = may_be | (still.soc > _LOWEST_LIMIT_SOC) if self.noise.full_soc_std else may_be
+            may_be = may_be | (relaxed_V > self.lowest_limit_V) if self.noise.full_soc_std else may_be
             at_limit = at_limit | (self.is_held(memory, clean) & may_be)
         return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
 
@@ -289,8 +290,9 @@ class AnchorRule:
         """True where a charger has tapered at a limit of its own that is clearly below that of a full battery."""
         if self.gases:
             return False
-        still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-        below = (1.0 - still.soc > BEYOND_SIGMAS * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
+        relaxed_V = self.relaxed_V(clean.voltage_V, clean.now)
+        still = self.at_rest(relaxed_V, clean.now)
+        below = (1.0 - still.soc > BEYOND_SIGMAS * still.std) & (relaxed_V > self.lowest_limit_V)
         return below & self.is_held(memory, clean) & self.has_tapered(memory, clean)
 
     def has_tapered(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
@@ -421,6 +423,11 @@ class AnchorRule:
     def full_V(self) -> float:
         """Lowest voltage of a charger that has reached its limit [V]."""
         return self.model.gassing_V or max(self.nearly_full_V, (1.0 - _BELOW_FULL) * self.model.ocv.voltage_V[-1])
+
+    @property
+    def lowest_limit_V(self) -> float:
+        """Lowest voltage [V] that a charger may have as a limit of its own."""
+        return _LOWEST_LIMIT * self.model.ocv.voltage_V[-1]
 
     @cached_property
     def nearly_full_V(self) -> float:
