@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import chemistry
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, sample_limits
@@ -35,9 +36,9 @@ BEYOND_TESTS = 0.02
 _IMPOSSIBLE_C, _USUALLY_BELOW = 100.0, 0.99
 #: A charger holds a battery above its open-circuit voltage, but not by this share for most of a log.
 ABOVE_FULL = 0.1
-#: A load pulls a battery below its open-circuit voltage. More than this share above that of a full battery are only the
-#: first minutes after a charge: this share of the samples under a load of this many capacities per hour, and fewest.
-_ABOVE_UNDER_LOAD, _AFTER_CHARGE, _UNDER_LOAD_C, _FEWEST_LOADED = 0.05, 0.1, 0.05, 30
+#: A load pulls a battery below its open-circuit voltage. More than this share above that of a full battery it gives
+#: less than this share of its capacity under a load of this many capacities per hour; fewest samples.
+_ABOVE_UNDER_LOAD, _AFTER_CHARGE, _UNDER_LOAD_C, _FEWEST_LOADED = 0.03, 0.05, 0.05, 30
 #: Relative standard deviation of the resistance at a temperature of the log above which a warning is given.
 DOUBTFUL_RESISTANCE = 0.1
 
@@ -278,14 +279,18 @@ def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
 
 def full_under_load(log: Log, battery: Battery) -> str:
     """Contradiction of the voltage under load with the curve of the battery file; "" for none."""
-    full_V = battery.thevenin.ocv.voltage_V[-1]
-    loaded_V = log.voltage_V[(log.current_A < -_UNDER_LOAD_C * battery.capacity_Ah) & np.isfinite(log.voltage_V)]
-    above = loaded_V > (1.0 + _ABOVE_UNDER_LOAD) * full_V
-    if loaded_V.size < _FEWEST_LOADED or above.mean() < _AFTER_CHARGE:
+    limits, full_V = sample_limits(battery.thevenin), float(battery.thevenin.ocv.voltage_V[-1])
+    if battery.chemistry:  # a charger of the file may have stopped below the others
+        full_V = max(full_V, battery.n_series * chemistry(battery.chemistry).ocv_V[-1])
+    loaded = limits.is_current(log.current_A) & (log.current_A < -_UNDER_LOAD_C * battery.capacity_Ah)
+    above = loaded & limits.is_voltage(log.voltage_V) & (log.voltage_V > (1.0 + _ABOVE_UNDER_LOAD) * full_V)
+    lasts_s = np.minimum(np.diff(log.time_s, append=log.time_s[-1]), CURRENT_GAP_S)
+    given_As = -float(log.current_A[above] @ lasts_s[above])
+    if np.count_nonzero(above) < _FEWEST_LOADED or given_As < _AFTER_CHARGE * battery.capacity_Ah * SECONDS_PER_HOUR:
         return ""
     return (
-        f"under load its voltage is up to {np.quantile(loaded_V, 0.99):.4g} V, above the {full_V:.4g} V of a full "
-        "battery at rest by the file: another chemistry, or another number of cells in series?"
+        f"under load its voltage is up to {np.quantile(log.voltage_V[above], 0.99):.4g} V, above the {full_V:.4g} V "
+        "of a full battery at rest by the file: another chemistry, or another number of cells in series?"
     )
 
 

@@ -80,9 +80,13 @@ def test_an_impossible_offset_is_flagged_live(tested):
 LFP = LABELS["lfp"]
 
 
-@pytest.mark.parametrize(("current_A", "cell_V", "found"), [(-2.0, 3.9, True), (-2.0, 3.4, False), (2.0, 3.9, False)])
-def test_a_load_holds_no_battery_above_its_curve(current_A, cell_V, found):
-    log = Log("steady", np.arange(100.0), np.full(100, current_A), np.full(100, 4 * cell_V))
+@pytest.mark.parametrize(
+    ("current_A", "cell_V", "step_s", "found"),
+    [(-2.0, 3.65, 20.0, True), (-2.0, 3.4, 20.0, False), (2.0, 3.65, 20.0, False), (-2.0, 3.65, 1.0, False)],
+)
+def test_a_load_holds_no_battery_above_its_curve(current_A, cell_V, step_s, found):
+    """A tenth of the capacity of 12 Ah, or less."""
+    log = Log("steady", step_s * np.arange(120.0), np.full(120, current_A), np.full(120, 4 * cell_V))
     assert ("another chemistry" in full_under_load(log, LFP)) == found
 
 
