@@ -116,7 +116,7 @@ class AnchorMemory(NamedTuple):
 
     limit_V: Any = 0.0  #: voltage at which the voltage of a charge began to stand still
     held_s: Any = 0.0  #: time for which the voltage has stood still
-    away_s: Any = 0.0  #: time since it was last there
+    away_s: Any = _AWAY_S  #: time since it was last there
     peak_A: Any = 0.0  #: largest charging current while the voltage stood still
     #: charge taken out since the last full charge, over the capacity, at most 1
     discharged: Any = 1.0
@@ -262,14 +262,14 @@ class AnchorRule:
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         there = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
         away_s = where(there, 0.0, memory.away_s + clean.dt_s)
-        same = clean.current_measured & (away_s < _AWAY_S) & (memory.limit_V > 0.0)
+        same = clean.current_measured & (away_s < _AWAY_S)
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         fell_A = 2.0 * (clean.mean.current_A - current_A)
         same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
-            held_s=where(same, memory.held_s + where(there, clean.dt_s, 0.0), 0.0),
-            away_s=where(same, away_s, 0.0),
+            held_s=where(same, memory.held_s + clean.dt_s, 0.0),
+            away_s=away_s,
             peak_A=where(same, maximum(memory.peak_A, current_A), current_A),
             discharged=minimum(memory.discharged + maximum(-share, 0.0), 1.0),
             charged=minimum(memory.charged + maximum(share, 0.0), 1.0),
