@@ -160,7 +160,7 @@ def test_a_battery_that_was_charged_meanwhile_is_told_by_its_voltage(battery):
     assert state.battery.soc > 0.85
 
 
-@pytest.mark.parametrize("soc", [0.15, 0.95])
+@pytest.mark.parametrize("soc", [0.15, 0.2, 0.95])
 @pytest.mark.parametrize("away_s", [120.0, 3600.0])
 def test_a_battery_that_was_changed_unannounced_is_noticed_by_its_voltage(away_s, soc):
     """The curve of a generic file is less certain than the change of the voltage along it."""

@@ -15,18 +15,20 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD, USUAL_C
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.capacity_evidence import count_once
 from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors, mixed, relative
+from ohmward.battery.soc.initial_soc import axis_error_V
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
 from ohmward.battery.soc.voltage_faults import HeldVoltage
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
-from ohmward.filters.gate import inflate, passes
+from ohmward.filters.gate import inflate
 from ohmward.filters.kalman import correct_state
 from ohmward.quantities import SECONDS_PER_HOUR
 
@@ -83,7 +85,7 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
     weights = np.exp(relative(state.log_weights))
     updates = [filter_.correct(member, unpack(member.belief), clean) for member in state.members]
-    like = np.array([passes(update.correction.innovation, CONTRADICTS_STD**2) for update in updates], dtype=float)
+    like = np.array([_is_like_before(update, u, filter_) for update in updates], dtype=float)
     agree = float(weights @ like)
     if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
         return _restarted(settings, state, sample, settings.voltage_start.hypotheses(sample))
@@ -92,6 +94,14 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
         for member, update in zip(state.members, updates, strict=True)
     ]
     return state.with_members(seen, state.log_weights)
+
+
+def _is_like_before(update: TheveninUpdate, u: CircuitInput, filter_: TheveninFilter) -> bool:
+    """True where the voltage is that of the charge before: the axis of a label's curve errs as it did then."""
+    nu, S, system = update.correction.innovation.value[0], update.correction.innovation.cov[0, 0], filter_.system
+    axis_V = 0.0 if system.axis_is_shift else axis_error_V(update.belief.mean[SOC], u, system.model, system.noise)
+    same_V2 = update.error.weight * min(axis_V**2, update.error.uncertain_V2)
+    return bool(nu * nu < CONTRADICTS_STD**2 * (S - same_V2))
 
 
 def longest_known_gap_s(settings: Any) -> float:
