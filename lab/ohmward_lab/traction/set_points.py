@@ -1,15 +1,12 @@
 """Set-points of slip: the one for the largest force, and the one for the least energy, which is smaller.
 
-Where the law of the ground is known, the first is its own (`Burckhardt.peak_slip_ratio`) and `best_slip` finds the
-second; `SetPointSeeker` finds either while driving. The share of the wheel's power that moves the robot against a load
-is (1 - lambda) (1 - R/F), with the wheel's rolling resistance R. More slip gives more force and wastes more of it, so
-the best slip lies below the peak.
+The share of the wheel's power that moves the robot against a load is (1 - lambda) (1 - R/F), with the wheel's rolling
+resistance R. More slip gives more force and wastes more of it, so the best slip lies below the peak.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,57 +15,6 @@ import numpy as np
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import clip, isfinite, maximum, sin, where
-from ohmward.traction.friction.law import TractionLaw, contact
-
-_GRID = 400
-_LARGEST_SLIP_RATIO = 0.999
-_GOLDEN = (5**0.5 - 1) / 2
-
-
-class BestSlip(NamedTuple):
-    """Slip of the least energy, the force there, and the share of the wheel's power that moves the robot."""
-
-    slip_ratio: float
-    force_N: float
-    efficiency: float
-
-
-def best_slip(law: TractionLaw, load_N: float, resistance_N: float, travel_speed_m_s: float) -> BestSlip:
-    """The slip at which a driving wheel turns the largest share of its power into pull.
-
-    Raises:
-        InputError: the ground cannot give the force to overcome the resistance.
-    """
-    require_positive("load_N", load_N)
-    require_positive("travel_speed_m_s", travel_speed_m_s)
-    require_between("resistance_N", resistance_N, 0.0, np.inf)
-
-    def efficiency(slip: Any) -> Any:
-        force_N = driving_force(law, slip, load_N, travel_speed_m_s)
-        return (1 - slip) * (1 - resistance_N / np.maximum(force_N, 1e-12))
-
-    slip, share = maximize(efficiency)
-    force_N = float(driving_force(law, slip, load_N, travel_speed_m_s))
-    if force_N <= resistance_N:
-        raise InputError(f"resistance_N must be below what the ground gives ({force_N:g} N), got {resistance_N:g}")
-    return BestSlip(slip, force_N, share)
-
-
-def driving_force(law: TractionLaw, slip_ratio: Any, load_N: float, travel_speed_m_s: float) -> Any:
-    """Force [N] at a slip ratio in [0, 1) and a travel speed > 0."""
-    return law.force_N(contact(travel_speed_m_s / (1 - slip_ratio), travel_speed_m_s, load_N))
-
-
-def maximize(f: Callable[[Any], Any]) -> tuple[float, float]:
-    """Slip ratio and value of the largest f on (0, 1): a grid, then golden sections around its best point."""
-    grid = np.linspace(0.0, _LARGEST_SLIP_RATIO, _GRID + 1)[1:]
-    best = int(np.argmax(f(grid)))
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
-    for _ in range(60):
-        inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        low, high = (low, outer) if f(inner) >= f(outer) else (inner, high)
-    return float(low), float(f(low))
-
 
 OBJECTIVES = ("traction", "energy")
 _LEAST_ADHESION = 0.01
