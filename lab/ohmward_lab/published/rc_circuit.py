@@ -33,7 +33,6 @@ from ohmward.trace.expression import Scalar
 from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 
 STATE_NAMES = ("bulk_V", "surface_V")
-STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
 
 
 def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:

@@ -9,8 +9,6 @@ With logarithms in place of a projection onto positive values no parameter of a 
 wide the belief; a start wrong by a factor is an ordinary Gaussian error; a random walk is a relative change per time;
 and nothing is clipped. Their price is an exponential for each parameter that differs between sigma points.
 
-With `voltage_as="output"` V is not a state: six states, no memory of a voltage disturbance, y = h(x, i).
-
 Noise: Q = K C K' + floor and R = residual moment + P_yy + floor over a window of 100 ([T] 3.49-3.50, the missing 1/L
 restored). The attributes of `RcJoint` explain the purpose of the floors and the gate. Sigma points are reused for the
 output, with alpha = 0.85, beta = 2, kappa = 0, all as in [T].
@@ -20,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +51,9 @@ PARAMETERS = 4
 
 BULK, SURFACE, TERMINAL = range(PARAMETERS, PARAMETERS + 3)
 """Indices of the voltages in the state."""
+
+STATES = TERMINAL + 1
+"""Number of states."""
 
 
 class Nominal(NamedTuple):
@@ -115,10 +116,9 @@ class RcJoint:
     nominal: Nominal  #: start of the parameters
     #: (4,) standard deviations of the logarithms of C_b, C_s, R_e, R_t at the start; 0.5 is a factor 1.6
     start_std: tuple[float, float, float, float] = (0.5, 0.5, 0.5, 0.5)
-    voltage_as: Literal["state", "output"] = "state"  #: "state" is [T]'s seven states, "output" the six
     voltage_std_V: float = 0.002  #: white noise of the voltage sensor; floor of R
     current_std_A: float = 0.02  #: white noise of the current sensor; moves both capacitors
-    #: change in one second of the voltage beyond the circuit's, with V as a state; floor of Q
+    #: change in one second of the voltage beyond the circuit's; floor of Q
     disturbance_V: float = 0.0005
     #: relative change of each parameter in one hour; floor of Q. Without it the filter stops learning and is
     #: confidently wrong as soon as the battery warms up.
@@ -140,17 +140,9 @@ class RcJoint:
         require_nominal(self.nominal)
         require_positive("voltage_std_V", self.voltage_std_V)
         require_each_not_negative("", self, "start_std", "current_std_A", "disturbance_V", "parameter_walk")
-        if self.voltage_as not in ("state", "output"):
-            raise InputError(f'voltage_as must be "state" (seven states) or "output" (six), got {self.voltage_as!r}')
         if not self.window >= 1:
             raise InputError(f"window must be at least 1 sample, got {self.window}; [T] takes 100")
         require_gate(self.gate, self.reset_after_s)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the belief's mean, in order."""
-        circuit = rc_circuit.STATE_NAMES_WITH_VOLTAGE if self.voltage_as == "state" else rc_circuit.STATE_NAMES
-        return ("ln_c_bulk", "ln_c_surface", "ln_r", "ln_r_terminal", *circuit)
 
     def init(self, first: SocSample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
         """State before the first sample: at rest, at `bulk_V`, or at the first voltage where that is None.
@@ -165,11 +157,11 @@ class RcJoint:
             raise InputError("the first sample has no voltage: give bulk_V, the battery's open-circuit voltage")
         belief = pack(self.ignorance(float(level), bulk_std_V))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        return JointState(belief, moments, np.zeros(len(self.state_names)), 0.0, 0.0)
+        return JointState(belief, moments, np.zeros(STATES), 0.0, 0.0)
 
     def ignorance(self, level_V: Scalar, std_V: float) -> Belief:
         """Belief about a battery at rest near `level_V` of which only the nominal values are known."""
-        n = len(self.state_names) - PARAMETERS
+        n = STATES - PARAMETERS
         mean = np.array([*np.zeros(PARAMETERS), *(level_V for _ in range(n))])
         voltages = np.full((n, n), std_V**2) + np.diag([1e-4 * std_V**2] * n)
         parameters = np.diag(np.square(self.start_std))
@@ -184,7 +176,7 @@ class RcJoint:
         prior, correction = unscented.correct_reusing_points(
             before,
             lambda x: self.next_state(x, clean),
-            lambda x: self.voltage(x, clean),
+            _voltage,
             y,
             self.process_noise(state, clean),
             self.measurement_noise(state, before, clean),
@@ -193,7 +185,7 @@ class RcJoint:
         used, outside, rejected_s = self.decide(state, clean, correction.innovation)
         K = where(used, correction.gain, 0.0)
         posterior = apply_gain(prior, correction.innovation, K)
-        residual = y - self.voltage(posterior.mean, clean)
+        residual = y - _voltage(posterior.mean)
         moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
         noise = choose(used, moments, state.noise)
         flags = clean.flags + flags_of(
@@ -243,29 +235,18 @@ class RcJoint:
 
     def next_state(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """State after the step, (n,); the parameters stay."""
-        p, voltages = self.circuit(x), x[PARAMETERS:]
-        if self.voltage_as == "output":
-            moved = rc_circuit.next_state(voltages, clean.mean.current_A, p, clean.dt_s)
-        else:
-            now_A = clean.now.current_A
-            before_A = now_A - clean.change_A
-            moved = rc_circuit.next_state_with_voltage(voltages, before_A, clean.mean.current_A, now_A, p, clean.dt_s)
+        p, voltages, now_A = self.circuit(x), x[PARAMETERS:], clean.now.current_A
+        before_A = now_A - clean.change_A
+        moved = rc_circuit.next_state_with_voltage(voltages, before_A, clean.mean.current_A, now_A, p, clean.dt_s)
         return np.array([*x[:PARAMETERS], *moved])
-
-    def voltage(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
-        """Terminal voltage [V] in state x, (1,)."""
-        if self.voltage_as == "state":
-            return x[TERMINAL:]
-        return rc_circuit.voltage(x[PARAMETERS:], clean.now.current_A, self.circuit(x))
 
     def process_noise(self, state: JointState, clean: CleanSocSample) -> np.ndarray:
         """Q (n, n) of this step: the floor, and K C K' of the last steps ([T] 3.49)."""
         dt_s = clean.dt_s
         charge_As2 = self.current_std_A**2 * dt_s + where(clean.current_known, 0.0, (self.unknown_A * dt_s) ** 2)
         per_V = 1 / (self.nominal.c_bulk_F + self.nominal.c_surface_F), 0.5 / self.nominal.c_surface_F
-        disturbance = [self.disturbance_V**2 * dt_s] if self.voltage_as == "state" else []
         walk = [walk_variance(self.parameter_walk, SECONDS_PER_HOUR, dt_s)] * PARAMETERS
-        Q = np.diag(np.array([*walk, *(charge_As2 * g**2 for g in per_V), *disturbance]))
+        Q = np.diag(np.array([*walk, *(charge_As2 * g**2 for g in per_V), self.disturbance_V**2 * dt_s]))
         if not self.match_Q:
             return Q
         K = state.gain[:, None]
@@ -279,7 +260,7 @@ class RcJoint:
         floor = np.array([[self.voltage_std_V**2 + unknown_V2]])
         if not self.match_R:
             return floor
-        P_yy = unscented.output_covariance(before, lambda x: self.voltage(x, clean), self.scaling)
+        P_yy = unscented.output_covariance(before, _voltage, self.scaling)
         matched = state.noise.residual + P_yy
         return where(state.noise.samples < 0.5, floor, maximum(floor, matched))
 
@@ -302,6 +283,11 @@ class RcJoint:
             innovation_V=where(clean.voltage_measured, nu, math.nan),
             flags=flags,
         )
+
+
+def _voltage(x: np.ndarray) -> np.ndarray:
+    """Terminal voltage [V] in state x, (1,)."""
+    return x[TERMINAL:]
 
 
 #: Smallest relative standard deviation of the parameters at the start: an overconfident joint filter learns nothing.

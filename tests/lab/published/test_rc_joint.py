@@ -12,14 +12,16 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward_lab.published import rc, rc_circuit
-from ohmward_lab.published.rc_joint import PARAMETERS, Nominal, RcJoint
+from ohmward_lab.published import rc
+from ohmward_lab.published.rc_circuit import next_state_with_voltage
+from ohmward_lab.published.rc_joint import PARAMETERS, STATES, Nominal, RcJoint
 from published.rc_examples import EVEN, lanes, simulate
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 WRONG = Nominal(1.8 * TRUE.c_bulk_F, 0.5 * TRUE.c_surface_F, 1.6 * TRUE.r_ohm, 0.5 * TRUE.r_terminal_ohm)
-SEVEN, SIX = RcJoint(WRONG), RcJoint(WRONG, voltage_as="output")
-BOTH = pytest.mark.parametrize("joint", [SEVEN, SIX], ids=["seven states", "six states"])
+JOINT = RcJoint(WRONG)
+#: No noise but that of the sensors: no random walk, no disturbance of the voltage, and none is learnt.
+LINEAR = {"parameter_walk": 0.0, "disturbance_V": 0.0, "match_Q": False, "match_R": False, "gate": 1e9}
 NAN = math.nan
 RUNS, LENGTH = 24, 1200
 SENSORS = {"voltage_std_V": 0.002, "current_std_A": 0.02}
@@ -37,10 +39,10 @@ def scanned(joint, samples):
 
 @pytest.fixture(scope="module")
 def found(runs):
-    """State at the end and estimates (T, B) of all runs, by settings."""
+    """State at the end and estimates (T, B) of all runs."""
     first = row(runs[0].samples, 0)
-    start = {joint: joint.init(first) for joint in (SEVEN, SIX)}
-    return {joint: kernel_of(joint, start[joint], first).scan_lanes(start[joint], lanes(runs)) for joint in start}
+    start = JOINT.init(first)
+    return kernel_of(JOINT, start, first).scan_lanes(start, lanes(runs))
 
 
 def true_state(nominal, run):
@@ -64,19 +66,17 @@ def nees(nominal, end, runs):
     return np.array(values)
 
 
-@BOTH
-def test_finds_the_parameters_from_a_wrong_start(joint, found):
-    _, estimates = found[joint]
+def test_finds_the_parameters_from_a_wrong_start(found):
+    _, estimates = found
     for name, true in zip(rc.Circuit._fields, EVEN, strict=True):
         at_end = getattr(estimates.circuit, name)[-1] / true
         assert np.abs(at_end - 1).mean() < 0.03, name
     assert not np.any(estimates.flags[100:])
 
 
-@BOTH
-def test_sigma_covers_the_error(joint, found, runs):
+def test_sigma_covers_the_error(found, runs):
     """The floors make it cautious: the NEES of six elements stays below 6, but it is not a tenth of it."""
-    end, _ = found[joint]
+    end, _ = found
     assert 0.6 < nees(WRONG, end, runs).mean() < 6.0
 
 
@@ -87,9 +87,7 @@ def test_sigma_is_exact_when_the_noise_is_known_and_the_start_is_near():
     Of the parameters, because without process noise they and the current determine V_cs - V_cb.
     """
     spread, rng = 0.01, np.random.default_rng(5)
-    joint = RcJoint(
-        TRUE, (spread,) * 4, "output", current_std_A=0.0, parameter_walk=0.0, match_Q=False, match_R=False, gate=1e9
-    )
+    joint = RcJoint(TRUE, (spread,) * 4, current_std_A=0.0, **LINEAR)
     values = []
     for seed in range(40):
         logs = spread * rng.standard_normal(4)
@@ -104,35 +102,29 @@ def test_sigma_is_exact_when_the_noise_is_known_and_the_start_is_near():
     assert low < np.mean(values) < high
 
 
-def test_six_and_seven_states_agree(found):
-    seven, six = found[SEVEN][1], found[SIX][1]
-    for name in rc.Circuit._fields:
-        a, b = getattr(seven.circuit, name)[-1], getattr(six.circuit, name)[-1]
-        assert np.abs(a / b - 1).mean() < 0.02, name
-
-
 def test_known_parameters_leave_the_linear_kalman_filter(runs):
-    """Without doubt about the parameters the six states are [V_cb, V_cs] in a linear model."""
-    joint = RcJoint(TRUE, (0.0,) * 4, "output", parameter_walk=0.0, match_Q=False, match_R=False, gate=1e9)
+    """Without doubt about the parameters the voltages [V_cb, V_cs, V] are a linear model."""
+    joint = RcJoint(TRUE, (0.0,) * 4, **LINEAR)
     samples = runs[0].samples
     state = joint.init(row(samples, 0))
     belief = Belief(*(part[PARAMETERS:] for part in unpack(state.belief)))
     belief = Belief(belief.mean, belief.cov[:, PARAMETERS:])
-    per_V = np.array([1 / (TRUE.c_bulk_F + TRUE.c_surface_F), 0.5 / TRUE.c_surface_F])
+    per_V = np.array([1 / (TRUE.c_bulk_F + TRUE.c_surface_F), 0.5 / TRUE.c_surface_F, 0.0])
+    H, R = np.array([[0.0, 0.0, 1.0]]), np.array([[joint.voltage_std_V**2]])
     before_A = 0.0
     for k in range(200):
         sample = row(samples, k)
         state, _ = joint.step(state, sample)
-        F, B = rc_circuit.transition(EVEN, sample.dt_s)
+        F = np.column_stack([next_state_with_voltage(e, 0.0, 0.0, 0.0, EVEN, sample.dt_s) for e in np.eye(3)])
         Q = np.diag(per_V**2 * joint.current_std_A**2 * sample.dt_s)
-        belief = kalman.predict(belief, F, Q, B * 0.5 * (before_A + sample.current_A))
+        currents = before_A, 0.5 * (before_A + sample.current_A), sample.current_A
+        belief = kalman.predict(belief, F, Q, next_state_with_voltage(np.zeros(3), *currents, EVEN, sample.dt_s))
         before_A = sample.current_A
-        y = np.array([sample.voltage_V - rc.instant_resistance(EVEN) * sample.current_A])
         # Sigma points are reused: the output's spread is that of the state before this step's process noise.
-        H, R = np.array([[0.5, 0.5]]), np.array([[joint.voltage_std_V**2]])
-        without = Belief(belief.mean, belief.cov - Q)
-        S = H @ without.cov @ H.T + R
-        K = without.cov @ H.T / S[0, 0]
+        without = belief.cov - Q
+        S = H @ without @ H.T + R
+        K = without @ H.T / S[0, 0]
+        y = np.array([sample.voltage_V])
         belief = Belief(belief.mean + K @ (y - H @ belief.mean), belief.cov - K @ S @ K.T)
     mean, cov = unpack(state.belief)
     np.testing.assert_allclose(mean[PARAMETERS:], belief.mean, rtol=0, atol=1e-9)
@@ -156,22 +148,20 @@ def test_follows_a_battery_that_warms_up_and_would_not_without_floors():
     assert abs(error) > 5 * std
 
 
-@BOTH
-def test_traced_step_is_the_step(joint, runs):
+def test_traced_step_is_the_step(runs):
     samples = SocSample(*(c[:60] for c in runs[0].samples))
-    state = joint.init(row(samples, 0))
+    state = JOINT.init(row(samples, 0))
     for k in range(60):
-        state, _ = joint.step(state, row(samples, k))
-    end, _ = scanned(joint, samples)
+        state, _ = JOINT.step(state, row(samples, k))
+    end, _ = scanned(JOINT, samples)
     np.testing.assert_allclose(end.belief.mean, state.belief.mean, rtol=0, atol=1e-9)
     np.testing.assert_allclose(end.belief.lower, state.belief.lower, rtol=1e-6, atol=1e-12)
 
 
-@BOTH
-def test_lanes_are_scans(joint, found, runs):
-    end, _ = found[joint]
+def test_lanes_are_scans(found, runs):
+    end, _ = found
     for b, run in enumerate(runs[:2]):
-        alone, _ = scan(joint, run.samples, state=joint.init(row(runs[0].samples, 0)))
+        alone, _ = scan(JOINT, run.samples, state=JOINT.init(row(runs[0].samples, 0)))
         np.testing.assert_allclose(end.belief.mean[:, b], alone.belief.mean, rtol=0, atol=1e-8)
 
 
@@ -192,14 +182,13 @@ FAULTS = {
 }
 
 
-@BOTH
 @pytest.mark.parametrize("fault", FAULTS)
-def test_fault_is_flagged_and_survived(joint, fault, runs):
+def test_fault_is_flagged_and_survived(fault, runs):
     changes, flag = FAULTS[fault]
     samples = SocSample(*(c.copy() for c in runs[0].samples))
     for name, value in changes.items():
         getattr(samples, name)[705] = value
-    _, found = scanned(joint, samples)
+    _, found = scanned(JOINT, samples)
     assert found.flags[705] == float(flag)
     assert np.count_nonzero(found.flags[100:]) == (1 if flag else 0)
     for name, true in zip(rc.Circuit._fields, EVEN, strict=True):
@@ -207,22 +196,20 @@ def test_fault_is_flagged_and_survived(joint, fault, runs):
     assert np.isfinite(found.voltage_V).all()
 
 
-@BOTH
-def test_repeated_sample_teaches_nothing(joint, runs):
-    state, _ = scanned(joint, SocSample(*(c[:300] for c in runs[0].samples)))
-    again, _ = joint.step(state, row(runs[0].samples, 299)._replace(dt_s=0.0))
+def test_repeated_sample_teaches_nothing(runs):
+    state, _ = scanned(JOINT, SocSample(*(c[:300] for c in runs[0].samples)))
+    again, _ = JOINT.step(state, row(runs[0].samples, 299)._replace(dt_s=0.0))
     np.testing.assert_allclose(again.belief.mean, state.belief.mean, rtol=0, atol=1e-9)
     np.testing.assert_allclose(again.belief.lower, state.belief.lower, rtol=1e-6, atol=1e-12)
 
 
-@BOTH
-def test_lost_belief_starts_again(joint, runs):
+def test_lost_belief_starts_again(runs):
     samples = runs[0].samples
-    state, _ = scanned(joint, SocSample(*(c[:200] for c in samples)))
-    broken = Belief(np.full(len(joint.state_names), np.nan), np.full((len(joint.state_names),) * 2, np.nan))
-    state, estimate = joint.step(state._replace(belief=pack(broken)), row(samples, 200))
+    state, _ = scanned(JOINT, SocSample(*(c[:200] for c in samples)))
+    broken = Belief(np.full(STATES, np.nan), np.full((STATES, STATES), np.nan))
+    state, estimate = JOINT.step(state._replace(belief=pack(broken)), row(samples, 200))
     assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
-    _, found = scan(joint, SocSample(*(c[201:] for c in samples)), state=state)
+    _, found = scan(JOINT, SocSample(*(c[201:] for c in samples)), state=state)
     assert found.circuit.r_terminal_ohm[-1] == pytest.approx(EVEN.r_terminal_ohm, rel=0.2)
 
 
@@ -230,7 +217,7 @@ def test_patience_ends_when_it_is_the_filter_that_is_wrong(runs):
     """Another battery in the middle of a log: rejected for a minute, then believed."""
     samples = SocSample(*(c.copy() for c in runs[0].samples))
     samples.voltage_V[700:] += 0.5
-    _, found = scanned(SEVEN, samples)
+    _, found = scanned(JOINT, samples)
     rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[700:760].all()
     assert not rejected[800:].any()
@@ -238,8 +225,8 @@ def test_patience_ends_when_it_is_the_filter_that_is_wrong(runs):
 
 def test_first_voltage_may_be_missing_where_the_level_is_given():
     with pytest.raises(InputError, match="first sample has no voltage: give bulk_V"):
-        SEVEN.init(SocSample(0.0, 0.0, NAN, NAN))
-    assert SEVEN.init(SocSample(0.0, 0.0, NAN, NAN), bulk_V=12.5).belief.mean[-1] == 12.5
+        JOINT.init(SocSample(0.0, 0.0, NAN, NAN))
+    assert JOINT.init(SocSample(0.0, 0.0, NAN, NAN), bulk_V=12.5).belief.mean[-1] == 12.5
 
 
 @pytest.mark.parametrize(
@@ -248,20 +235,14 @@ def test_first_voltage_may_be_missing_where_the_level_is_given():
         ({"nominal": WRONG._replace(r_ohm=0.0)}, r"nominal\.r_ohm must be > 0, got 0"),
         ({"voltage_std_V": 0.0}, "voltage_std_V must be > 0, got 0"),
         ({"parameter_walk": -1.0}, "parameter_walk must be >= 0, got -1"),
-        ({"voltage_as": "input"}, "voltage_as must be \"state\" .* got 'input'"),
         ({"window": 0.5}, "window must be at least 1 sample, got 0.5"),
     ],
 )
 def test_bad_settings_are_refused(change, message):
     with pytest.raises(InputError, match=message):
-        replace(SEVEN, **change)
-
-
-def test_names_belong_to_the_state():
-    for joint in (SEVEN, SIX):
-        assert len(joint.state_names) == len(joint.init(SocSample(0.0, 0.0, 12.5, NAN)).belief.mean)
+        replace(JOINT, **change)
 
 
 def test_a_step_takes_as_few_operations_as_before(runs):
     first = row(runs[0].samples, 0)
-    assert 1500 < kernel_of(SEVEN, SEVEN.init(first), first).program.operations.total() < 1700
+    assert 1500 < kernel_of(JOINT, JOINT.init(first), first).program.operations.total() < 1700
