@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
-from ohmward.errors import InputError
+from ohmward.checks import require_each_not_negative, require_each_positive, require_positive
 from ohmward.trace import clip, maximum, minimum, where
 from ohmward.traction.control.signals import DrivenWheel, limited
 from ohmward.traction.control.sliding_mode import STEPS_PER_TIME_CONSTANT, SlidingMemory, SlidingMode, Uncertainty
@@ -159,21 +156,9 @@ class FuzzySlidingMode:
     """
 
     sliding: SlidingMode  #: the law that is adapted
-    #: (3, 3) shares of k and Phi, > 0; those of k for large sigma are at least 1
+    #: shares of k and Phi, > 0; those of k for large sigma are at least 1, or the sliding condition fails
     gain_rules: Rules = GAIN_RULES
     layer_rules: Rules = LAYER_RULES
-
-    def __post_init__(self) -> None:
-        for name in ("gain_rules", "layer_rules"):
-            rules = np.asarray(getattr(self, name), dtype=float)
-            if rules.shape != (3, 3):
-                raise InputError(f"fuzzy_sliding_mode.{name} must be 3 rows of 3 shares, got shape {rules.shape}")
-            require_between(f"fuzzy_sliding_mode.{name}", rules.ravel().tolist(), 0.01, 100.0)
-        if min(self.gain_rules[2]) < 1:
-            raise InputError(
-                "fuzzy_sliding_mode.gain_rules must be at least 1 in the row of large sigma, or the sliding condition "
-                f"fails; got {self.gain_rules[2]}"
-            )
 
     def init(self, zero: Any) -> FuzzyMemory:
         """Memory on the surface and at rest."""

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.errors import InputError
 from ohmward_lab.traction.compared_slip_laws import GAIN_RULES, LAYER_RULES, FuzzySlidingMode, infer
 from traction.control.examples import SLIDING, WHEEL, motion
 
@@ -24,6 +23,10 @@ def test_in_between_it_stays_between_the_rules(size, rate):
     assert np.min(LAYER_RULES) - 1e-12 <= infer(LAYER_RULES, size, rate) <= np.max(LAYER_RULES) + 1e-12
 
 
+def test_outside_the_layer_no_rule_has_a_gain_below_the_plain_law():
+    assert min(GAIN_RULES[2]) >= 1.0
+
+
 def test_rules_of_one_leave_the_plain_law():
     law = FuzzySlidingMode(SLIDING, ONES, ONES)
     m = motion(rim_m_s=1.3)
@@ -35,10 +38,3 @@ def test_the_rate_of_sigma_comes_through_its_lag():
     for k in range(200):
         memory = law.remember(memory, motion(rim_m_s=1.0 + 0.001 * k), 0.0, 0.0)
     assert memory.rate_m_s2 == pytest.approx(0.88 * 1.0, rel=1e-6)
-
-
-def test_rules_that_lose_the_sliding_condition_are_refused():
-    with pytest.raises(InputError, match="row of large sigma"):
-        FuzzySlidingMode(SLIDING, ((1, 1, 1), (1, 1, 1), (1, 0.9, 1)))
-    with pytest.raises(InputError, match="3 rows of 3"):
-        FuzzySlidingMode(SLIDING, layer_rules=((1, 1), (1, 1)))  # type: ignore[arg-type]
