@@ -24,7 +24,7 @@ from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward_lab.simulate.closed_loop import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import GYRO, RobotTruth, stack
 
 RUNS, DISTANCE_M, DT_S = 50, 50.0, 0.02
@@ -119,7 +119,7 @@ def own_plant(rng: np.random.Generator) -> TractionPlant:
 
 
 def mujoco_plant(rng: np.random.Generator) -> RlmaPlant:
-    return RlmaPlant(RlmaParameters(), uniform(float(rng.uniform(0.5, 0.9)), 0.0))
+    return RlmaPlant(RlmaParameters(), [Patch(friction=float(rng.uniform(0.5, 0.9)))])
 
 
 def recording(

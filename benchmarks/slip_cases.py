@@ -16,7 +16,8 @@ import numpy as np
 from figure import rms
 from ohmward.report import TIME, Figure, Series
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
-from ohmward_lab.simulate.mujoco_plant import RlmaPlant, switching
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaPlant
 from slip_loops import DRAG, LIMITS, WHEEL, WIDER, Observed, Sensors, Stepper, observed_run
 from svg import to_svg
 
@@ -56,7 +57,7 @@ def drive(case: Case, raw: bool) -> Observed:
     def step(time_s: float, m: Measurement) -> np.ndarray:
         return driving(time_s, m) if time_s < case.switch_s else braking(time_s, m)
 
-    plant = RlmaPlant(DRAG, switching([case.switch_s], [NORMAL, SLIPPERY]))
+    plant = RlmaPlant(DRAG, [Patch(friction=NORMAL), Patch(friction=SLIPPERY, from_s=case.switch_s)])
     return observed_run(step, plant, case.end_s, SENSORS, SEED, raw)
 
 

@@ -16,7 +16,8 @@ from ohmward.traction.control import (
     SpeedController,
     WheelSpeedDrive,
 )
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from slip_cases import case_rows
@@ -90,14 +91,15 @@ def hold(_: float) -> SlipCommand:
 def with_truth(law: Any, friction: float, **changes: Any) -> Tracking:
     """From rest with the true speed fed back."""
     make = with_controller(SlipController(WHEEL, law, LIMITS, **changes), hold)
-    return tracking(run(make, uniform(friction), lasting(3.0), DRAG), TARGET, 2.0)
+    return tracking(run(make, friction, lasting(3.0), DRAG), TARGET, 2.0)
 
 
 def with_estimate(sensors: Sensors, friction: float) -> list[Tracking]:
     """From rest with the observer's speed and force fed back, once for each seed."""
     controller = SlipController(WHEEL, WIDER, LIMITS)
+    ground = [Patch(friction=friction)]
     runs = [
-        observed_run(Stepper(controller, hold), RlmaPlant(RlmaParameters(), uniform(friction)), 1.5, sensors, seed)
+        observed_run(Stepper(controller, hold), RlmaPlant(RlmaParameters(), ground), 1.5, sensors, seed)
         for seed in SEEDS
     ]
     return [tracking(o.truth, TARGET, 0.5) for o in runs]
@@ -142,7 +144,7 @@ def truth_rows() -> Iterator[str]:
         name = "sliding mode on slip speed, floor 0.2 m/s, no launch"
         yield line(name, friction, with_truth(SLIDING, friction, floor_m_s=0.2, launch=1.0))
     for friction in FRICTIONS:
-        truth = run(cascade(TARGET), uniform(friction), lasting(3.0), DRAG)
+        truth = run(cascade(TARGET), friction, lasting(3.0), DRAG)
         yield line("cascade at 50 Hz on a wheel-speed drive", friction, tracking(truth, TARGET, 2.0))
 
 
@@ -162,7 +164,7 @@ def hard_rows() -> Iterator[str]:
         for name in ("sliding mode on slip speed", "fuzzy gain and layer", "PID on the slip ratio"):
             for friction in FRICTIONS:
                 make = with_controller(SlipController(WHEEL, LAWS[name], LIMITS), hold, **options)
-                truth = run(make, uniform(friction), lasting(3.0), DRAG)
+                truth = run(make, friction, lasting(3.0), DRAG)
                 yield line(f"{hardship}: {name}", friction, tracking(truth, TARGET, 2.0))
 
 
@@ -187,7 +189,7 @@ class Trip(NamedTuple):
 def trip(make: Callable[[], Torque], friction: float, grade_rad: float) -> Trip:
     """`DISTANCE_M` from rest, at most 30 s."""
     there: Callable[[RobotTruth], bool] = lambda t: t.position_m[0] >= DISTANCE_M or t.time_s > 30.0  # noqa: E731
-    truth = run(make, uniform(friction, grade_rad), there, RlmaParameters())
+    truth = run(make, friction, there, RlmaParameters(), grade_rad)
     torque, omega = truth.torque_N_m[1:, :2], 0.5 * (truth.wheel_speed_rad_s[1:, :2] + truth.wheel_speed_rad_s[:-1, :2])
     energy_J = float(np.sum(torque * omega + RESISTANCE * (torque / TORQUE_CONSTANT) ** 2)) * DT
     return Trip(energy_J / float(truth.position_m[-1, 0]), float(truth.time_s[-1]), float(truth.speed_m_s[-1]))

@@ -29,7 +29,8 @@ from ohmward.traction.control import (
 from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.terrain import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
+from ohmward_lab.simulate.ground import Grade, Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
 from ohmward_lab.traction.momentum_observer import (
     AngleSample,
@@ -58,10 +59,14 @@ Torque = Callable[[RobotTruth], Any]
 
 
 def run(
-    make: Callable[[], Torque], ground: Ground, until: Callable[[RobotTruth], bool], p: RlmaParameters
+    make: Callable[[], Torque],
+    friction: float,
+    until: Callable[[RobotTruth], bool],
+    p: RlmaParameters,
+    grade_rad: float = 0.0,
 ) -> RobotTruth:
     """Drive a new plant with a new controller until a condition holds; the truth at every step."""
-    plant, torque = RlmaPlant(p, ground), make()
+    plant, torque = RlmaPlant(p, [Patch(friction=friction)], Grade(grade_rad=(grade_rad,))), make()
     truths = [plant.reset()]
     while not until(truths[-1]):
         truths.append(plant.step(torque(truths[-1]), DT))

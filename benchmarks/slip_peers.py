@@ -20,9 +20,9 @@ from ohmward.traction import RLMA, Terrain
 from ohmward.traction.control import Measurement, SlipCommand, SlipController
 from ohmward.traction.friction.law import Burckhardt
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward_lab.simulate.ground import Grade, Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.compared_slip_laws import SlipPid
 from slip_loops import (
@@ -63,7 +63,7 @@ class FallingPatch(Patch):
 def plant_of(tyre: str, friction: float) -> Any:
     """The plant; it is reset before each run."""
     if tyre == TYRES[0]:
-        return RlmaPlant(RlmaParameters(), uniform(friction))
+        return RlmaPlant(RlmaParameters(), [Patch(friction=friction)])
     return TractionPlant(RLMA, (FallingPatch(friction=friction),))
 
 
@@ -185,7 +185,7 @@ def jumping(sensors: Sensors, friction: float, rng: np.random.Generator, seed: i
     """(T, 2) error and standard deviation of the speed under torques that jump four times a second."""
     grade = rng.uniform(-0.1, 0.1)
     parameters = replace(RlmaParameters(), mass_kg=rng.uniform(0.7, 1.3) * RLMA.mass_kg)
-    plant = RlmaPlant(parameters, uniform(friction, grade))
+    plant = RlmaPlant(parameters, [Patch(friction=friction)], Grade(grade_rad=(grade,)))
     turning = rng.choice([0.0, 0.4]) * np.array([-1.0, 1.0])
     torques = rng.uniform(-3.0, 8.0, 8)
     feels = np.array([GRAVITY * math.sin(grade), 0.0, GRAVITY * math.cos(grade)])

@@ -14,8 +14,8 @@ from ohmward.traction.friction.law import Contact, CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.reproduce.row import Result, ResultRow
 from ohmward_lab.simulate.closed_loop import ClosedLoopRun, find_scenario, run
-from ohmward_lab.simulate.closed_loop.ground import SLIP_STIFFNESS_S_PER_M
 from ohmward_lab.simulate.closed_loop.run import figures, true_slip
+from ohmward_lab.simulate.ground import SLIP_STIFFNESS_S_PER_M
 
 #: The faster of [T]'s wheel speeds, the slip of both cases, and the friction of ice, the lowest of table 4.1; and for
 #: how long (case I) and how far (case II) the slip is held.

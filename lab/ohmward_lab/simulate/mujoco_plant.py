@@ -34,78 +34,8 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.simulate.ground import Grade, Patch, adhesion, surface
 from ohmward_lab.simulate.robot_sensors import WHEELS, RobotTruth, driven_torques, stack
-
-#: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.
-STEEPEST_GRADE_RAD = 0.7
-#: Largest adhesion of a simulation, above that of any tyre.
-ROUGHEST = 3.0
-
-
-@dataclass(frozen=True)
-class Ground:
-    """Adhesion and grade as functions of time and place; `uniform`, `switching` and `zones` make the usual ones."""
-
-    #: (time_s, position_m (4, 2) of the wheels [m]) -> adhesion, a number or (4,), in (0, 3]
-    friction: Callable[[float, np.ndarray], Any]
-    #: (time_s, position_m (2,) of the robot [m]) -> slope, > 0 where x leads uphill, within +-0.7
-    grade_rad: Callable[[float, np.ndarray], float]
-
-
-def uniform(friction: float, grade_rad: float = 0.0) -> Ground:
-    """Ground that is the same everywhere and always.
-
-    Raises:
-        InputError: a value out of its range.
-    """
-    return zones((), (friction,), grade_rad)
-
-
-def switching(time_s: Sequence[float], friction: Sequence[float]) -> Ground:
-    """Level ground that changes at the times (K,) [s], under all wheels at once.
-
-    friction: (K + 1,) before, between and after the times.
-
-    Raises:
-        InputError: times that do not increase, a wrong number of values, a value out of its range.
-    """
-    times, mu, _ = _pieces("time_s", time_s, friction, 0.0)
-    return Ground(lambda t, _: mu[times.searchsorted(t, side="right")], lambda *_: 0.0)
-
-
-def zones(edge_m: Sequence[float], friction: Sequence[float], grade_rad: float | Sequence[float] = 0.0) -> Ground:
-    """Ground that changes at the lines x = edge_m (K,) [m], under each wheel as it crosses them.
-
-    friction: (K + 1,) from the lowest x to the highest.
-    grade_rad: a number, or (K + 1,); it changes as the robot's centre crosses them.
-
-    Raises:
-        InputError: edges that do not increase, a wrong number of values, a value out of its range.
-    """
-    edges, mu, grade = _pieces("edge_m", edge_m, friction, grade_rad)
-    return Ground(
-        lambda _, position_m: mu[edges.searchsorted(position_m[:, 0], side="right")],
-        lambda _, position_m: grade[edges.searchsorted(position_m[0], side="right")],
-    )
-
-
-def _pieces(
-    name: str, edges: Sequence[float], friction: Sequence[float], grade_rad: float | Sequence[float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges (K,), and adhesion and grade (K + 1,) between them."""
-    at, mu, grade = (np.asarray(values, dtype=float) for values in (edges, friction, grade_rad))
-    require_finite(name, at.ravel().tolist())
-    if at.ndim != 1 or np.any(np.diff(at) <= 0):
-        raise InputError(f"{name} must be a list that increases strictly, got {at.tolist()}")
-    count = at.size + 1
-    if mu.shape != (count,):
-        raise InputError(f"friction must be ({count},), one piece more than edges, got {mu.shape}")
-    if grade.shape not in ((), (count,)):
-        raise InputError(f"grade_rad must be a number or ({count},), one piece more than edges, got {grade.shape}")
-    require_between("friction", mu.tolist(), 1e-3, ROUGHEST)
-    require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_GRADE_RAD, STEEPEST_GRADE_RAD)
-    return at, mu, np.broadcast_to(grade, count)
-
 
 FRONT = (0, 1)
 FRONT_AND_REAR = (0, 1, 2, 3)
@@ -282,6 +212,8 @@ def _lines(parts: Iterable[str]) -> str:
     return "\n      ".join(parts)
 
 
+#: Ground without a patch.
+DRY = Patch(friction=0.8)
 _BODY = 1
 _WHEELS = slice(2, 6)
 
@@ -291,21 +223,29 @@ class RlmaPlant:
 
     Args:
         parameters: of the robot.
-        ground: under the robot, by default level and dry.
+        patches: of hard ground, of which only the adhesion is used; dry everywhere where there are none.
+        grade: along x.
         longest_step_s: of the physics; `step` divides longer steps.
+        wheels: their names in the patches.
 
     Raises:
-        InputError: MuJoCo is not installed, or the step is so long that the slip of the wheels oscillates.
+        InputError: MuJoCo is not installed, a ground without an adhesion, patches that overlap or name unknown wheels,
+            or a step so long that the slip of the wheels oscillates.
     """
 
     def __init__(
         self,
         parameters: RlmaParameters | None = None,
-        ground: Ground | None = None,
+        patches: Sequence[Patch] = (DRY,),
+        grade: Grade | None = None,
         longest_step_s: float = 1e-3,
+        wheels: Sequence[str] = WHEELS,
     ) -> None:
         self.parameters = parameters or RlmaParameters()
-        self.ground = ground or uniform(0.8)
+        self._surface, self._grade = surface(patches, wheels), grade or Grade()
+        adhesions = [adhesion(patch.ground(RLMA)) for patch in self._surface.patches]
+        require_finite("adhesion of the ground", adhesions)
+        self._adhesion = np.array(adhesions)
         self._longest_step_s = longest_step_s
         self._mujoco = require("mujoco", "this plant")
         self._model = self._mujoco.MjModel.from_xml_string(robot_xml(self.parameters))
@@ -335,7 +275,7 @@ class RlmaPlant:
         torque_N_m: of each driven wheel, a number or one for each in the order of `parameters.driven`.
 
         Raises:
-            InputError: a wrong number of torques, a number that is not finite, dt_s <= 0, ground out of its range.
+            InputError: a wrong number of torques, a number that is not finite, dt_s <= 0.
         """
         require_positive("dt_s", dt_s)
         driven = self.parameters.driven
@@ -350,9 +290,8 @@ class RlmaPlant:
     def _surroundings(self) -> float:
         """Set friction, gravity and drag of the next step; return the grade."""
         d, p = self._data, self.parameters
-        self._friction[:] = self.ground.friction(d.time, d.xpos[_WHEELS, :2])
-        grade = float(self.ground.grade_rad(d.time, d.xpos[_BODY, :2]))
-        _check_ground(self._friction[0].tolist(), grade)
+        self._friction[:] = self._adhesion[list(self._surface.under(d.xpos[_WHEELS, 0].tolist(), d.time))]
+        grade = self._grade.at(float(d.xpos[_BODY, 0]))
         self._model.opt.gravity[:] = -GRAVITY * math.sin(grade), 0.0, -GRAVITY * math.cos(grade)
         if p.drag_N_s2_per_m2:
             vx, vy = d.qvel[:2]
@@ -425,10 +364,3 @@ def ground_forces(d: Any) -> np.ndarray:
     frames = contact.frame.reshape(-1, 3, 3)
     force[contact.geom[:, 1] - 1] = np.einsum("ci,cij->cj", d.efc_force[rows], frames)
     return force
-
-
-def _check_ground(friction: list[float], grade_rad: float) -> None:
-    if not all(0 < mu <= ROUGHEST for mu in friction):
-        raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
-    if not abs(grade_rad) <= STEEPEST_GRADE_RAD:
-        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_GRADE_RAD:g}, got {grade_rad}")

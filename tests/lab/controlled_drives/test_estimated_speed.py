@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ohmward.traction.control import SlipCommand, SlipController
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters
 from ohmward_lab.traction.compared_slip_laws import SlipPid
 from scripts import script
 
@@ -19,7 +20,8 @@ IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 @cache
 def from_rest(friction, sensors, seed=1):
     control = loops.Stepper(SlipController(loops.WHEEL, loops.WIDER, loops.LIMITS), lambda _: SlipCommand(0.12))
-    return loops.observed_run(control, loops.RlmaPlant(RlmaParameters(), uniform(friction)), 1.0, sensors, seed)
+    plant = loops.RlmaPlant(RlmaParameters(), [Patch(friction=friction)])
+    return loops.observed_run(control, plant, 1.0, sensors, seed)
 
 
 @pytest.mark.slow
@@ -80,7 +82,7 @@ def test_a_spin_ends_on_an_estimated_speed(tyre, friction):
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_an_edge_is_as_old_as_the_wheel_turned_since(way):
-    ground = loops.RlmaPlant(RlmaParameters(), uniform(0.8)).reset()
+    ground = loops.RlmaPlant(RlmaParameters()).reset()
     speed, turning, age_s = 2.0, 300.0, 0.37e-3
     angle = lambda t: way * (speed * t + 0.5 * turning * t**2)  # noqa: E731
     before, now = (

@@ -17,7 +17,8 @@ from ohmward.traction.control import (
     SpeedController,
 )
 from ohmward.traction.control.slip_law import SlipLaw
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import stack
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL
@@ -26,9 +27,9 @@ DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)
 LAWS: dict[str, SlipLaw] = {"sliding": SLIDING, "fuzzy": FuzzySlidingMode(SLIDING)}
 
 
-def drive(controller, command, ground, duration_s, speed_m_s=0.0, dt_s=1e-3, parameters=DRAG):
-    """Truth over time, and the flags of every step."""
-    plant = RlmaPlant(parameters, ground)
+def drive(controller, command, friction, duration_s, speed_m_s=0.0, dt_s=1e-3, parameters=DRAG, slippery_s=1e3):
+    """Truth over time, and the flags of every step; slippery_s: the floor has 0.2 from then on."""
+    plant = RlmaPlant(parameters, [Patch(friction=friction), Patch(friction=0.2, from_s=slippery_s)])
     truths = [plant.reset(speed_m_s)]
     state, flags = controller.init(measured(truths[0])), []
     while truths[-1].time_s < duration_s - 1e-9:
@@ -55,7 +56,7 @@ def reversals(torque_Nm, size_Nm):
 
 @cache
 def from_rest(name, friction):
-    return drive(SlipController(WHEEL, LAWS[name], LIMITS), lambda _: SlipCommand(0.12), uniform(friction), 1.5)[0]
+    return drive(SlipController(WHEEL, LAWS[name], LIMITS), lambda _: SlipCommand(0.12), friction, 1.5)[0]
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -77,7 +78,7 @@ def test_there_is_no_limit_cycle_at_the_start(name, friction):
 
 
 def test_a_limit_cycle_would_be_seen():
-    torque = drive(SlipController(WHEEL, SlipPid(), LIMITS), lambda _: SlipCommand(0.12), uniform(0.2), 0.5, dt_s=0.01)
+    torque = drive(SlipController(WHEEL, SlipPid(), LIMITS), lambda _: SlipCommand(0.12), 0.2, 0.5, dt_s=0.01)
     assert reversals(torque[0].torque_N_m[:, 0], 0.1) > 10
 
 
@@ -95,7 +96,7 @@ def test_it_is_friction_that_tells_the_floors_apart(friction, reached):
 @pytest.mark.parametrize("friction", [0.2, 0.8])
 def test_the_law_of_the_slip_ratio_holds_with_a_layer_that_follows_its_gain(friction, speed_m_s):
     control = SlipController(WHEEL, SlipRatioSlidingMode(UNSURE), LIMITS)
-    truth, _ = drive(control, lambda _: SlipCommand(0.12), uniform(friction), 1.5, speed_m_s)
+    truth, _ = drive(control, lambda _: SlipCommand(0.12), friction, 1.5, speed_m_s)
     error = truth.slip_ratio[:, :2] - 0.12
     assert np.abs(error[truth.time_s > 0.36]).max() <= 0.02
     assert reversals(truth.torque_N_m[:, 0], 0.1) <= 6
@@ -105,7 +106,7 @@ def test_the_law_of_the_slip_ratio_holds_with_a_layer_that_follows_its_gain(fric
 @pytest.mark.parametrize("friction", [0.2, 0.8])
 def test_a_spin_ends_as_fast_as_the_torque_can_end_it(law, friction):
     control, start_s = SlipController(WHEEL, law, LIMITS), 0.3
-    plant = RlmaPlant(RlmaParameters(), uniform(friction))
+    plant = RlmaPlant(RlmaParameters(), [Patch(friction=friction)])
     plant.reset()
     truths = [plant.step(LIMITS.torque_Nm, 1e-3) for _ in range(round(1e3 * start_s))]
     state = control.init(measured(truths[-1]))
@@ -123,7 +124,7 @@ def test_a_spin_ends_as_fast_as_the_torque_can_end_it(law, friction):
 
 def test_case_1_braking_on_slippery_ground():
     control = SlipController(WHEEL, SLIDING, LIMITS)
-    truth, flags = drive(control, lambda _: SlipCommand(-0.18), uniform(0.2), 1.5, speed_m_s=1.0)
+    truth, flags = drive(control, lambda _: SlipCommand(-0.18), 0.2, 1.5, speed_m_s=1.0)
     fast = (truth.time_s > 0.06) & (truth.speed_m_s > 0.25)
     assert np.abs(truth.slip_ratio[fast, :2] + 0.18).max() <= 0.02
     assert truth.speed_m_s.min() > -0.05
@@ -132,9 +133,8 @@ def test_case_1_braking_on_slippery_ground():
 
 def test_case_2_driving_on_the_normal_floor_then_braking_on_the_slippery_one():
     control = SlipController(WHEEL, SLIDING, LIMITS)
-    ground = switching([6.0], [0.8, 0.2])
     command = lambda t: SlipCommand(0.12 if t < 6.0 else -0.18)  # noqa: E731
-    truth, _ = drive(control, command, ground, 6.5, dt_s=2e-3)
+    truth, _ = drive(control, command, 0.8, 6.5, dt_s=2e-3, slippery_s=6.0)
     before = (truth.time_s > 1.0) & (truth.time_s < 6.0)
     after = (truth.time_s > 6.15) & (truth.speed_m_s > 0.25)
     assert np.sqrt(np.mean((truth.slip_ratio[before, :2] - 0.12) ** 2)) <= 0.01
@@ -143,8 +143,8 @@ def test_case_2_driving_on_the_normal_floor_then_braking_on_the_slippery_one():
 
 def test_the_speed_loop_stays_within_its_bound_where_the_floor_turns_slippery():
     control = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=1.5)
-    ground = switching([0.8], [0.8, 0.2])
-    truth, flags = drive(control, lambda _: SpeedCommand(2.0), ground, 2.0, parameters=RlmaParameters())
+    p = RlmaParameters()
+    truth, flags = drive(control, lambda _: SpeedCommand(2.0), 0.8, 2.0, parameters=p, slippery_s=0.8)
     rim = WHEEL.radius_m * truth.wheel_speed_rad_s[:, :2]
     late = truth.time_s > 0.85
     assert (truth.slip_speed_m_s[late, :2] <= np.maximum(0.12 * rim[late], control.creep_m_s) + 0.01).all()

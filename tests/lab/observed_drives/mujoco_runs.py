@@ -12,7 +12,8 @@ from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from ohmward_lab.simulate.ground import Grade, Patch
+from ohmward_lab.simulate.mujoco_plant import DRY, RlmaParameters, RlmaPlant, drive
 from ohmward_lab.simulate.robot_sensors import RobotSensors, RobotTruth, record
 from traction.speed_observer.examples import observed
 
@@ -47,7 +48,14 @@ def spinning(rng):
 
 def drive_on(friction, grade_rad, torque, duration_s):
     """The truth of a drive, (T, ...)."""
-    return drive(RlmaPlant(RlmaParameters(), uniform(friction, grade_rad)), torque, duration_s, DT_S)
+    plant = RlmaPlant(RlmaParameters(), [Patch(friction=friction)], Grade(grade_rad=(grade_rad,)))
+    return drive(plant, torque, duration_s, DT_S)
+
+
+def ice_on_a_slope(friction, grade_rad):
+    """The robot on a dry floor, from 0.6 m on a slope of this friction."""
+    patches = [DRY, Patch(friction=friction, from_m=0.6)]
+    return RlmaPlant(RlmaParameters(), patches, Grade((0.6, 0.6 + 1e-9), (0.0, grade_rad)))
 
 
 def samples_of(truth, rng, passive=False, speed_every=0, speed_std=0.05, age_steps=0, pitch_std=None):

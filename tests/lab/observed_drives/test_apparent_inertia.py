@@ -14,10 +14,10 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, observes_grip, with_evidence
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
+from ohmward_lab.simulate.mujoco_plant import drive
 from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR, observed
 
-from .mujoco_runs import believed, rmse, samples_of
+from .mujoco_runs import believed, ice_on_a_slope, rmse, samples_of
 from .test_gross_slip import clean
 from .test_ice_on_slopes import on_wheel_speed
 
@@ -73,8 +73,7 @@ def test_only_a_filter_that_learns_the_ground_asks():
 
 def slope(friction, grade_rad, seed=1, pitch_std_rad=None):
     """Truth and estimates of a drive at wheel speed from a dry floor onto a slope, seen by its driven wheels."""
-    ground = zones([0.6], [0.8, friction], [0.0, grade_rad])
-    truth = drive(RlmaPlant(RlmaParameters(), ground), on_wheel_speed, 8.0, DT_S)
+    truth = drive(ice_on_a_slope(friction, grade_rad), on_wheel_speed, 8.0, DT_S)
     rng = np.random.default_rng(seed)
     samples = samples_of(truth, rng, pitch_std=pitch_std_rad)
     noise = ObserverNoise(gyro_std_rad_s=0.003, pitch_std_rad=pitch_std_rad)

@@ -6,10 +6,10 @@ import pytest
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
+from ohmward_lab.simulate.mujoco_plant import drive
 from traction.speed_observer.examples import observed
 
-from .mujoco_runs import DT_S, believed, rmse, samples_of
+from .mujoco_runs import DT_S, believed, ice_on_a_slope, rmse, samples_of
 
 RADIUS_M, SPEED_STD_M_S = 0.12, 0.03
 NOISE = ObserverNoise(speed_std_m_s=SPEED_STD_M_S, gyro_std_rad_s=0.003)
@@ -30,8 +30,7 @@ def held(values):
 @pytest.mark.parametrize("late_steps", [2, 20])
 @pytest.mark.parametrize("grade_rad", [0.08, -0.08])
 def test_a_speed_from_outside_is_used_at_least_as_well_as_by_holding_it(grade_rad, late_steps):
-    ground = zones([0.6], [0.8, 0.1], [0.0, grade_rad])
-    truth = drive(RlmaPlant(RlmaParameters(), ground), on_wheel_speed, 8.0, DT_S)
+    truth = drive(ice_on_a_slope(0.1, grade_rad), on_wheel_speed, 8.0, DT_S)
     rng = np.random.default_rng(1)
     samples = samples_of(truth, rng, speed_every=10, speed_std=SPEED_STD_M_S, age_steps=late_steps)
     _, e = observed(SpeedObserver(believed(rng), noise=NOISE, rest_hold_s=np.inf), samples)

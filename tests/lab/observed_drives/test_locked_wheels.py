@@ -5,7 +5,8 @@ import pytest
 
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive
 from traction.speed_observer.examples import observed
 
 from .mujoco_runs import DT_S, believed, samples_of
@@ -28,7 +29,7 @@ def stop(gain):
 @pytest.mark.parametrize("gain", [0.6, 20.0])
 @pytest.mark.parametrize("friction", [0.1, 0.2])
 def test_nine_of_ten_speeds_are_in_their_band(friction, gain):
-    truth = drive(RlmaPlant(RlmaParameters(), uniform(friction)), stop(gain), 6.0, DT_S)
+    truth = drive(RlmaPlant(RlmaParameters(), [Patch(friction=friction)]), stop(gain), 6.0, DT_S)
     for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
         samples = samples_of(truth, rng)

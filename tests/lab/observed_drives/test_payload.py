@@ -8,7 +8,8 @@ import pytest
 from ohmward.traction.speed_observer import speed_evidence
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive
 from traction.speed_observer.examples import observed
 
 from .mujoco_runs import DT_S, believed, samples_of
@@ -29,7 +30,7 @@ def stop(truth):
 def covered(load, friction, torque, duration_s, **noise):
     """Share of the speeds in their 95 % band, from half a second on."""
     parameters = replace(RlmaParameters(), mass_kg=load * RlmaParameters().mass_kg)
-    truth = drive(RlmaPlant(parameters, uniform(friction)), torque, duration_s, DT_S)
+    truth = drive(RlmaPlant(parameters, [Patch(friction=friction)]), torque, duration_s, DT_S)
     rng = np.random.default_rng(1)
     samples = samples_of(truth, rng)
     _, e = observed(SpeedObserver(believed(rng), noise=ObserverNoise(**noise), rest_hold_s=np.inf), samples)

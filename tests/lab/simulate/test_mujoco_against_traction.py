@@ -13,7 +13,8 @@ from ohmward.traction.friction.terrain import RollingResistance, Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import Robot, Wheel
-from ohmward_lab.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, uniform
+from ohmward_lab.simulate.ground import Grade, Patch
+from ohmward_lab.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
@@ -52,7 +53,8 @@ def ours(p, chassis, mu, torque_N_m, grade_rad=0.0):
 
 
 def plants(p, mu, torque_N_m, grade_rad=0.0):
-    return drive(RlmaPlant(p, uniform(mu, grade_rad)), lambda _: torque_N_m, duration_s=1.0)
+    plant = RlmaPlant(p, [Patch(friction=mu)], Grade(grade_rad=(grade_rad,)))
+    return drive(plant, lambda _: torque_N_m, duration_s=1.0)
 
 
 @pytest.mark.parametrize("mu, torque_N_m, grade_rad", [(0.8, 3.0, 0.0), (0.2, 2.7, 0.0), (0.5, 4.0, 0.1)])

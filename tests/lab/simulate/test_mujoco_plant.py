@@ -13,14 +13,13 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco
 from ohmward.errors import InputError
 from ohmward.optional import MissingPackageError
 from ohmward.traction.robot.robot import GRAVITY as G
+from ohmward_lab.simulate.ground import Grade, Patch
 from ohmward_lab.simulate.mujoco_plant import (
+    DRY,
     FRONT_AND_REAR,
     RlmaParameters,
     RlmaPlant,
     drive,
-    switching,
-    uniform,
-    zones,
 )
 
 FREE = RlmaParameters(rolling_resistance=0.0)
@@ -41,7 +40,7 @@ def test_gripping_wheels_accelerate_the_mass_and_their_own_inertia(driven, rotor
 
 
 def test_the_forces_of_the_ground_are_the_change_of_momentum():
-    truth = drive(RlmaPlant(FREE, uniform(0.4)), 6.0, duration_s=0.5, dt_s=1e-3)
+    truth = drive(RlmaPlant(FREE, [Patch(friction=0.4)]), 6.0, duration_s=0.5, dt_s=1e-3)
     impulse = np.trapezoid(truth.traction_N.sum(axis=1), truth.time_s)
     assert impulse == pytest.approx(M * truth.speed_m_s[-1], rel=2e-3)
 
@@ -80,7 +79,7 @@ def spinning_on(mu, torque_N_m):
 
 @pytest.mark.parametrize("mu, torque_N_m", [(0.2, 3.0), (0.8, 11.0)])
 def test_a_spinning_wheel_pushes_with_mu_N_and_spins_up_with_the_rest(mu, torque_N_m):
-    truth = drive(RlmaPlant(FREE, uniform(mu)), torque_N_m, duration_s=0.6)
+    truth = drive(RlmaPlant(FREE, [Patch(friction=mu)]), torque_N_m, duration_s=0.6)
     a, spin, load_N = spinning_on(mu, torque_N_m)
     late = slice(30, None)
     assert truth.slip_speed_m_s[late, :2].min() > 0.9
@@ -92,7 +91,7 @@ def test_a_spinning_wheel_pushes_with_mu_N_and_spins_up_with_the_rest(mu, torque
 
 def test_every_wheel_turns_by_its_own_torque_and_traction():
     p = RlmaParameters(rolling_resistance=0.0, rotor_inertia_kg_m2=0.02)
-    truth = drive(RlmaPlant(p, uniform(0.2)), 4.0, duration_s=0.5, dt_s=1e-3)
+    truth = drive(RlmaPlant(p, [Patch(friction=0.2)]), 4.0, duration_s=0.5, dt_s=1e-3)
     inertia = J + np.array([0.02, 0.02, 0.0, 0.0])
     gained = np.trapezoid(truth.torque_N_m - R * truth.traction_N, truth.time_s, axis=0) / inertia
     assert gained == pytest.approx(truth.wheel_speed_rad_s[-1], rel=0.02)
@@ -108,7 +107,7 @@ def test_below_the_limit_traction_is_linear_in_slip_speed():
 
 
 def test_going_from_grip_to_ice_neither_lifts_nor_chatters():
-    truth = drive(RlmaPlant(FREE, switching([0.5], [0.8, 0.2])), 5.0, duration_s=1.5, dt_s=1e-3)
+    truth = drive(RlmaPlant(FREE, [DRY, Patch(friction=0.2, from_s=0.5)]), 5.0, duration_s=1.5, dt_s=1e-3)
     after = truth.time_s > 0.55
     assert truth.normal_N.min() > 0.85 * M * G / 4
     assert truth.normal_N.max() < 1.15 * M * G / 4
@@ -125,7 +124,7 @@ def test_a_wheel_that_slips_at_tens_of_metres_per_second_stays_on_the_ground():
 
 
 def test_the_ground_ends_under_each_wheel_when_it_gets_there():
-    truth = drive(RlmaPlant(FREE, zones([0.5], [0.8, 0.2])), 3.0, duration_s=1.5, dt_s=1e-3)
+    truth = drive(RlmaPlant(FREE, [DRY, Patch(friction=0.2, from_m=0.5)]), 3.0, duration_s=1.5, dt_s=1e-3)
     x = truth.position_m[:, 0]
     for wheel, ahead_m in ((0, FREE.front_m), (2, -FREE.rear_m)):
         change = x[np.argmax(truth.friction[:, wheel] < 0.5)]
@@ -134,7 +133,7 @@ def test_the_ground_ends_under_each_wheel_when_it_gets_there():
 
 @pytest.mark.parametrize("grade_rad", [0.1, -0.1])
 def test_on_a_grade_it_rolls_down_freely(grade_rad):
-    truth = drive(RlmaPlant(FREE, uniform(0.8, grade_rad)), 0.0, duration_s=1.0)
+    truth = drive(RlmaPlant(FREE, grade=Grade(grade_rad=(grade_rad,))), 0.0, duration_s=1.0)
     expected = -M * G * math.sin(grade_rad) / (M + 4 * J / R**2)
     assert fitted_acceleration(truth, 20) == pytest.approx(expected, rel=2e-3)
     assert truth.normal_N[-1].sum() == pytest.approx(M * G * math.cos(grade_rad), rel=1e-4)
@@ -142,12 +141,14 @@ def test_on_a_grade_it_rolls_down_freely(grade_rad):
 
 @pytest.mark.parametrize("grade_rad, stays", [(0.015, True), (0.025, False)])
 def test_rolling_resistance_holds_the_robot_on_a_grade_below_its_coefficient(grade_rad, stays):
-    truth = drive(RlmaPlant(RlmaParameters(rolling_resistance=0.02), uniform(0.8, grade_rad)), 0.0, duration_s=1.0)
+    plant = RlmaPlant(RlmaParameters(rolling_resistance=0.02), grade=Grade(grade_rad=(grade_rad,)))
+    truth = drive(plant, 0.0, duration_s=1.0)
     assert (abs(truth.wheel_angle_rad[-1]).max() < 0.01) == stays
 
 
 def test_an_accelerometer_at_rest_on_a_grade_feels_it():
-    truth = drive(RlmaPlant(RlmaParameters(rolling_resistance=0.3), uniform(0.8, 0.2)), 0.0, duration_s=1.0)
+    plant = RlmaPlant(RlmaParameters(rolling_resistance=0.3), grade=Grade(grade_rad=(0.2,)))
+    truth = drive(plant, 0.0, duration_s=1.0)
     expected = [G * math.sin(0.2), 0.0, G * math.cos(0.2)]
     assert truth.specific_force_m_s2[-1] == pytest.approx(expected, abs=0.02)
 
@@ -161,7 +162,7 @@ def test_rolling_resistance_and_drag_balance_the_drive_at_the_final_speed():
 @pytest.mark.parametrize("mu, grade_rad", [(0.8, 0.0), (0.2, 0.0), (0.8, 0.1), (0.2, -0.05)])
 def test_the_energy_of_the_motors_is_found_again(mu, grade_rad):
     p = RlmaParameters(rolling_resistance=0.02, drag_N_s2_per_m2=5.0)
-    truth = drive(RlmaPlant(p, uniform(mu, grade_rad)), 3.5, duration_s=1.5, dt_s=1e-3)
+    truth = drive(RlmaPlant(p, [Patch(friction=mu)], Grade(grade_rad=(grade_rad,))), 3.5, duration_s=1.5, dt_s=1e-3)
 
     def over_time(power_W):
         return np.trapezoid(power_W, truth.time_s)
@@ -179,8 +180,8 @@ def test_the_energy_of_the_motors_is_found_again(mu, grade_rad):
 
 @pytest.mark.parametrize("step_s", [0.5e-3, 2e-3])
 def test_the_step_of_the_physics_does_not_show(step_s):
-    ground = switching([0.5], [0.8, 0.2])
-    one, other = (drive(RlmaPlant(FREE, ground, s), 4.0, duration_s=1.0) for s in (1e-3, step_s))
+    ground = [DRY, Patch(friction=0.2, from_s=0.5)]
+    one, other = (drive(RlmaPlant(FREE, ground, longest_step_s=s), 4.0, duration_s=1.0) for s in (1e-3, step_s))
     after = one.time_s > 0.05
     assert other.speed_m_s[after] == pytest.approx(one.speed_m_s[after], rel=3e-3)
     assert other.slip_speed_m_s[-1, 0] == pytest.approx(one.slip_speed_m_s[-1, 0], rel=3e-3)
@@ -252,7 +253,7 @@ def test_reset_rolls_where_it_points_without_slip():
 
 
 def test_a_wheel_that_spins_on_the_spot_has_slip_ratio_one():
-    start = drive(RlmaPlant(FREE, uniform(0.01)), 5.0, duration_s=0.1)
+    start = drive(RlmaPlant(FREE, [Patch(friction=0.01)]), 5.0, duration_s=0.1)
     assert start.slip_ratio[-1, :2] == pytest.approx([1.0, 1.0], abs=0.01)
 
 
@@ -261,7 +262,7 @@ def test_slip_ratio_is_undefined_at_rest():
 
 
 def test_a_reset_plant_repeats_itself_to_the_bit():
-    plant = RlmaPlant(FREE, switching([0.2], [0.8, 0.2]))
+    plant = RlmaPlant(FREE, [DRY, Patch(friction=0.2, from_s=0.2)])
     first, second = (drive(plant, 4.0, duration_s=0.4) for _ in range(2))
     assert np.array_equal(first.speed_m_s, second.speed_m_s)
 
@@ -317,6 +318,11 @@ def test_steps_that_cannot_be_done_are_refused(torque_N_m, dt_s, message):
 def test_a_step_that_would_make_the_slip_swing_is_refused():
     with pytest.raises(InputError, match="longest_step_s must be between"):
         RlmaPlant(FREE, longest_step_s=4e-3)
+
+
+def test_ground_without_an_adhesion_is_refused():
+    with pytest.raises(InputError, match="adhesion of the ground must be finite"):
+        RlmaPlant(patches=[Patch("soft soil")])
 
 
 def test_without_mujoco_it_says_what_to_install(monkeypatch):

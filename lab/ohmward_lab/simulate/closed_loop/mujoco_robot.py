@@ -14,8 +14,8 @@ from ohmward.traction.friction.terrain import RollingResistance
 from ohmward.traction.robot.chassis import Mecanum, Omni, Steered, TwoWheeled
 from ohmward.traction.robot.motor import copper_loss, friction_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, adhesion, surface
-from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
+from ohmward_lab.simulate.ground import Grade, GroundSurface, Patch, surface
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 #: Height of the centre of gravity [m] of a robot whose description has none.
@@ -41,12 +41,12 @@ class MujocoRobot:
         grade: Grade | None = None,
         drag_N_s2_per_m2: float = 0.0,
     ) -> None:
-        self.robot, self.grade = robot, grade or Grade()
-        under = surface(patches, [p.name for p in robot.places])
+        self.robot, wheels = robot, [p.name for p in robot.places]
+        under = surface(patches, wheels)
         rolling = _rolling(under, robot)
         self._rolling = np.full(len(robot.places), rolling)
         p = replace(parameters(robot, under.patches[-1], rolling), drag_N_s2_per_m2=drag_N_s2_per_m2)
-        self._plant, self._drag = RlmaPlant(p, _ground(under, self.grade, robot)), drag_N_s2_per_m2
+        self._plant, self._drag = RlmaPlant(p, patches, grade, wheels=wheels), drag_N_s2_per_m2
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
@@ -120,14 +120,6 @@ def _rolling(under: GroundSurface, robot: Robot) -> float:
             'the ground, or take plant = "own"'
         )
     return laws[-1].a1  # type: ignore[attr-defined]
-
-
-def _ground(under: GroundSurface, grade: Grade, robot: Robot) -> Ground:
-    friction = np.array([adhesion(patch.ground(robot)) for patch in under.patches])
-    return Ground(
-        lambda time_s, position_m: friction[list(under.under(position_m[:, 0].tolist(), time_s))],
-        lambda _, position_m: grade.at(float(position_m[0])),
-    )
 
 
 def energy_step(

@@ -20,8 +20,8 @@ from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, Sensing, quantisation_std_rad_s
+from ohmward_lab.simulate.ground import Patch
 from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
 from ohmward_lab.traction.momentum_observer import (
     AngleSample,

@@ -20,10 +20,10 @@ from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.packaged import PACKAGED, RLMA, load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
-from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
 from ohmward_lab.simulate.closed_loop.observing import Observing
 from ohmward_lab.simulate.closed_loop.sensing import Sensing
 from ohmward_lab.simulate.closed_loop.supply import Pack
+from ohmward_lab.simulate.ground import Grade, GroundSurface, Patch, surface
 
 PLANTS = ("own", "mujoco")
 SHORTEST_RUN_S, LONGEST_RUN_S = 0.01, DAY_S

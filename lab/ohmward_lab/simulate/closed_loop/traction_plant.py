@@ -24,7 +24,7 @@ from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
+from ohmward_lab.simulate.ground import Grade, Patch, adhesion, surface
 from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques
 
 

@@ -9,7 +9,6 @@ from ohmward.traction import RLMA, SkidSteer
 from ohmward.traction.friction.law import contact
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import free_sideways
-from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.observing import (
     Observation,
     Observing,
@@ -18,6 +17,7 @@ from ohmward_lab.simulate.closed_loop.observing import (
     noise,
 )
 from ohmward_lab.simulate.closed_loop.sensing import ArrivedSample, ExternalSpeed, Sensing
+from ohmward_lab.simulate.ground import Patch
 
 BASE = Patch(friction=0.5)
 

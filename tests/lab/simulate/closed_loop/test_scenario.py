@@ -7,7 +7,6 @@ from ohmward.battery.file import save_battery
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, save_robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
-from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.observing import Observing
 from ohmward_lab.simulate.closed_loop.scenario import (
     ROBOTS,
@@ -21,6 +20,7 @@ from ohmward_lab.simulate.closed_loop.scenario import (
 )
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed, Sensing
 from ohmward_lab.simulate.closed_loop.supply import Pack
+from ohmward_lab.simulate.ground import Grade, Patch
 
 FIVE_LINES = """\
 format = "ohmward-scenario/1"

@@ -6,9 +6,9 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
-from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed, Sensing, SensorSuite
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
+from ohmward_lab.simulate.ground import Patch
 
 QUIET = Sensing(current_noise_A=0.0, drive_speed_std_rad_s=1e-9)
 STEPS = 400

@@ -3,8 +3,8 @@ import pytest
 
 from ohmward.traction import RLMA
 from ohmward.traction.friction.law import contact
-from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import terrain_mixture
+from ohmward_lab.simulate.ground import Patch
 
 DRY, ICE = (Patch(friction=mu, rolling=c).ground(RLMA) for mu, c in ((0.8, 0.01), (0.1, 0.03)))
 SPIN = contact(1.0, 0.5, 100.0)

@@ -10,8 +10,8 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.dynamics.forces import EnergyBalance
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant, tilt
+from ohmward_lab.simulate.ground import Grade, Patch
 
 FLAT = replace(RLMA, height_m=0.0)
 RLMA_HIGH = replace(RLMA, height_m=0.17)

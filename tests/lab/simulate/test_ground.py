@@ -5,7 +5,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.friction.law import CoulombCreep, SoftGround
-from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
+from ohmward_lab.simulate.ground import Grade, Patch, adhesion, surface
 
 WHEELS = tuple(p.name for p in RLMA.places)
 

@@ -1,4 +1,4 @@
-"""Ground of a scenario: patches of terrain along x or over time, and a profile of the grade."""
+"""Ground of a simulation: patches of terrain along x or over time, and a profile of the grade."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ from ohmward.traction.friction.terrain import (
     soft_terrain,
 )
 from ohmward.traction.robot.robot import Robot
-from ohmward_lab.simulate.mujoco_plant import ROUGHEST, STEEPEST_GRADE_RAD
 
+#: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.
+STEEPEST_GRADE_RAD = 0.7
+#: Largest adhesion of a simulation, above that of any tyre.
+ROUGHEST = 3.0
 #: Rubber on a hard floor, as in `mujoco_plant`.
 SLIP_STIFFNESS_S_PER_M = 6.25
 _EDGES = ("from_m", "to_m", "from_s", "to_s")
