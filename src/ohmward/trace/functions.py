@@ -49,12 +49,18 @@ def _where_floats(c: Any, a: Any, b: Any) -> Any:
     return chosen[()]
 
 
-_where = elementwise(select, _where_floats, 3)
-_minimum = _numeric("minimum", 2)
-_maximum = _numeric("maximum", 2)
-_sign = _numeric("sign", 1)
-_isfinite = _numeric("isfinite", 1)
-_logical_not = elementwise(lambda c: apply("logical_not", condition(c)), np.logical_not, 1)
+#: `a` where a condition (first argument) holds, else `b`; an inf or nan in the one not taken has no effect.
+where = elementwise(select, _where_floats, 3)
+#: The smaller of two values; nan if either is nan.
+minimum = _numeric("minimum", 2)
+#: The larger of two values; nan if either is nan.
+maximum = _numeric("maximum", 2)
+#: -1, 0 or 1; nan stays nan.
+sign = _numeric("sign", 1)
+#: True where a value is neither inf nor nan.
+isfinite = _numeric("isfinite", 1)
+#: The opposite of a condition (`~c` of a Python bool is an integer).
+logical_not = elementwise(lambda c: apply("logical_not", condition(c)), np.logical_not, 1)
 
 exp = _numeric("exp", 1)
 log = _numeric("log", 1)
@@ -66,36 +72,6 @@ arctan2 = _numeric("arctan2", 2)
 floor = _numeric("floor", 1)
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
-    """`a` where the condition holds, else `b`; an inf or nan in the one not taken has no effect."""
-    return _where(condition, a, b)
-
-
-def minimum(a: Any, b: Any) -> Any:
-    """The smaller of a and b; nan if either is nan."""
-    return _minimum(a, b)
-
-
-def maximum(a: Any, b: Any) -> Any:
-    """The larger of a and b; nan if either is nan."""
-    return _maximum(a, b)
-
-
 def clip(x: Any, low: Any, high: Any) -> Any:
     """`x` within [low, high]; nan stays nan."""
     return minimum(maximum(x, low), high)
-
-
-def sign(x: Any) -> Any:
-    """-1, 0 or 1; nan stays nan."""
-    return _sign(x)
-
-
-def isfinite(x: Any) -> Any:
-    """True where x is neither inf nor nan."""
-    return _isfinite(x)
-
-
-def logical_not(c: Any) -> Any:
-    """The opposite of a condition (`~c` of a Python bool is an integer)."""
-    return _logical_not(c)

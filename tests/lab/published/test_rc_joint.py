@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal
 WRONG = Nominal(1.8 * TRUE.c_bulk_F, 0.5 * TRUE.c_surface_F, 1.6 * TRUE.r_ohm, 0.5 * TRUE.r_terminal_ohm)
 JOINT = RcJoint(WRONG)
 #: No noise but that of the sensors: no random walk, no disturbance of the voltage, and none is learnt.
-LINEAR = {"parameter_walk": 0.0, "disturbance_V": 0.0, "match_Q": False, "match_R": False, "gate": 1e9}
+LINEAR: dict[str, Any] = {"parameter_walk": 0.0, "disturbance_V": 0.0, "match_Q": False, "match_R": False, "gate": 1e9}
 NAN = math.nan
 RUNS, LENGTH = 24, 1200
 SENSORS = {"voltage_std_V": 0.002, "current_std_A": 0.02}

@@ -144,29 +144,13 @@ def angle_sample(sample: RobotSample) -> AngleSample:
 
 def unknown_ground(driven: int) -> SlipEstimate:
     """Estimate of a method that knows no ground, to be filled with `_replace`: nan, a radius as given, and no alarm."""
-    unknown = np.full(driven, math.nan)
-    return SlipEstimate(
-        speed_m_s=math.nan,
-        speed_std_m_s=math.nan,
-        yaw_rate_rad_s=math.nan,
-        yaw_rate_std_rad_s=math.nan,
-        wheel_speed_rad_s=unknown,
-        slip_speed_m_s=unknown,
-        slip_speed_std_m_s=unknown,
-        slip_ratio=unknown,
-        traction_N=unknown,
-        friction_ratio=unknown,
-        friction_std=unknown,
-        grade_rad=math.nan,
-        grade_std_rad=math.nan,
-        radius_ratio=1.0,
-        radius_std=0.0,
-        grip=unknown,
-        unobserved_s=0.0,
-        slipping=np.zeros(driven),
-        immobilised=0.0,
-        flags=0.0,
-    )
+    of_wheels = ("wheel_speed_rad_s", "slip_speed_m_s", "slip_speed_std_m_s", "slip_ratio", "traction_N")
+    of_ground = ("friction_ratio", "friction_std", "grip")
+    unknown: dict[str, Any] = dict.fromkeys(SlipEstimate._fields, math.nan)
+    unknown_each = dict.fromkeys((*of_wheels, *of_ground), np.full(driven, math.nan))
+    without_alarm = dict.fromkeys(("radius_std", "unobserved_s", "immobilised", "flags"), 0.0)
+    known = without_alarm | {"radius_ratio": 1.0, "slipping": np.zeros(driven)}
+    return SlipEstimate(**unknown | unknown_each | known)
 
 
 def slip_estimate(e: MomentumEstimate) -> SlipEstimate:
