@@ -71,6 +71,8 @@ _LINE_SOC = (0.1, 0.9)
 #: Mean current of the robot [A]: [P]'s 83 mAh are 0.2 A over 25 minutes, in which the first battery gave 2 Ah; and a
 #: slow drive, on which a battery polarises little.
 ROBOT_A, SLOW_A = 4.8, 1.0
+#: Seed and mean current of the discharge that figures show.
+FIRST = SEEDS[0], ROBOT_A
 #: [P] reports RC + KF after its first 500 s.
 REPORTED_FROM_S = 500.0
 #: Samples after edges that are drawn; a drive has a hundred thousand.
@@ -102,18 +104,14 @@ class PaperCase(NamedTuple):
         return 1.0 + self.recording.drive.charge_Ah() / self.battery.capacity_Ah
 
 
-def case(chemistry: str, seed: int = SEEDS[0], mean_A: float = ROBOT_A) -> PaperCase:
-    """The battery of this chemistry, tested and identified once, and discharged at this mean current."""
-    return _case(chemistry, seed, mean_A)
-
-
 @cache
-def _case(chemistry: str, seed: int, mean_A: float) -> PaperCase:
+def case(chemistry: str, seed: int, mean_A: float) -> PaperCase:
+    """The battery of this chemistry, tested and identified once, and discharged at this mean current."""
     simulated = sealed_lead_acid() if chemistry == "lead-acid" else lithium_iron_phosphate()
     bench = resistor_pulses(simulated, LOAD_OHM[chemistry], PULSES[chemistry])
     recording = robot_discharge(simulated, bench, END_SOC[chemistry], seed, mean_A)
-    if (seed, mean_A) != (SEEDS[0], ROBOT_A):
-        return case(chemistry)._replace(recording=recording)
+    if (seed, mean_A) != FIRST:
+        return case(chemistry, *FIRST)._replace(recording=recording)
     capacity_Ah = simulated.circuit.capacity_Ah
     settings = IdentificationSettings(
         capacity_Ah, "thevenin-2rc", chemistry, simulated.n_series, initial_soc={recording.bench.name: 1.0}
@@ -148,13 +146,9 @@ def estimators(case: PaperCase) -> dict[str, Battery | Estimator]:
     }
 
 
-def run(chemistry: str, name: str, start_soc: float = 1.0, seed: int = SEEDS[0], mean_A: float = ROBOT_A) -> SocRun:
-    """Estimates of one of the estimators along the discharge, from the given start."""
-    return _run(chemistry, name, start_soc, seed, mean_A)
-
-
 @cache
-def _run(chemistry: str, name: str, start_soc: float, seed: int, mean_A: float) -> SocRun:
+def run(chemistry: str, name: str, start_soc: float, seed: int, mean_A: float) -> SocRun:
+    """Estimates of one of the estimators along the discharge, from the given start."""
     here = case(chemistry, seed, mean_A)
     return SocEstimator(estimators(here)[name], initial_soc=start_soc).run(here.recording.drive)
 
@@ -190,10 +184,10 @@ def voltage_error_V(chemistry: str, name: str, after: bool = False) -> float:
     """
     found = []
     for seed in SEEDS:
-        estimates = run(chemistry, name, 1.0, seed).estimates
+        estimates = run(chemistry, name, 1.0, seed, ROBOT_A).estimates
         error = np.abs(estimates.innovation_V)
         if after:
-            filter_ = estimators(case(chemistry, seed))[name]
+            filter_ = estimators(case(chemistry, seed, ROBOT_A))[name]
             assert isinstance(filter_, RcThreeStates)
             error = error * filter_.voltage_variance_V2 / estimates.voltage_std_V**2
         found.append(float(np.nanmean(error)))
@@ -220,7 +214,7 @@ def pulse_test() -> Result:
     """Figure 3: the pulse test; the 75 % rule and C_s from the first 500 ms of a pulse at 100 Hz."""
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
-        here = case(chemistry)
+        here = case(chemistry, *FIRST)
         samples = outside_long_charges(fast_pulse(here), here.battery.capacity_Ah)
         response = find_response(samples, here.battery.capacity_Ah)
         tau = find_time_constant(response)
@@ -276,7 +270,7 @@ def relaxations() -> Result:
     """Figures 5 and 6: each rest with one and with two time constants."""
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
-        rests = rests_of(case(chemistry))
+        rests = rests_of(case(chemistry, *FIRST))
         single, double = (1e3 * float(np.mean([getattr(r, n).rms_V for r in rests])) for n in ("single", "double"))
         chosen = float(np.mean([r.pairs == 2 for r in rests]))
         name = NAMES[chemistry]
@@ -300,7 +294,7 @@ def fit() -> Result:
     """Figure 7: the voltage of the circuit before and after the nonlinear fit."""
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
-        here = case(chemistry)
+        here = case(chemistry, *FIRST)
         log, after = here.recording.bench, here.battery.thevenin
         voltages = {
             "before": simulate_voltage(first_circuit(here), log, 1.0).voltage_V,
@@ -357,7 +351,7 @@ def open_circuit() -> Result:
     """Figure 8: the open-circuit voltage from the rests of the pulse test, against the curve that was simulated."""
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
-        here = case(chemistry)
+        here = case(chemistry, *FIRST)
         curves = here.battery.thevenin.ocv, here.recording.battery.circuit.ocv
         soc = np.linspace(here.recording.bench.extra["soc_true"][-1], 1.0, 91)
         found_V, true_V = (ocv.mean_V(soc, ocv.reference_degC) for ocv in curves)
@@ -480,7 +474,7 @@ def _slow_rows(chemistry: str) -> list[ResultRow]:
 
 def _budget_rows(chemistry: str) -> list[ResultRow]:
     """[P] 4: error of the reference itself at the end."""
-    cases = [case(chemistry, seed) for seed in SEEDS]
+    cases = [case(chemistry, seed, ROBOT_A) for seed in SEEDS]
     off = max(abs(float(here.counted[-1] - here.truth[-1])) for here in cases)
     percent, mAh = 100.0 * off, 1e3 * off * cases[0].battery.capacity_Ah
     what = f"{NAMES[chemistry]}, error of the count at the end, largest of three sensors"
@@ -520,7 +514,8 @@ def wrong_start() -> Result:
     rows = []
     for chemistry in ("lead-acid", "lfp"):
         for name in ("RC + KF", "T2RC + UKF", "hybrid", "default"):
-            ends = [(run(chemistry, name, UKF_START, s).soc - case(chemistry, s).truth)[-1] for s in SEEDS]
+            of_seeds = [(seed, ROBOT_A) for seed in SEEDS]
+            ends = [(run(chemistry, name, UKF_START, *of).soc - case(chemistry, *of).truth)[-1] for of in of_seeds]
             at_end = 100.0 * float(np.mean(np.abs(ends)))
             what = f"{NAMES[chemistry]}, {name} started at {UKF_START:.0%} when full: size of the error at the end"
             printed, corrected, default = (at_end if column in _COLUMNS[name] else None for column in _OURS)
@@ -541,10 +536,10 @@ def comparison() -> Result:
 
 
 def _figures(chemistry: str, start_soc: float) -> tuple[Figure, ...]:
-    here = case(chemistry)
+    here = case(chemistry, *FIRST)
     log = here.recording.drive
     names = ("RC + KF", "T2RC + UKF", "hybrid", "default")
-    found = {name: run(chemistry, name, start_soc).estimates for name in names}
+    found = {name: run(chemistry, name, start_soc, *FIRST).estimates for name in names}
     return (
         soc_comparison_figure(log, found, here.truth),
         soc_errors_figure(log, found, here.truth),

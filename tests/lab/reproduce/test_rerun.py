@@ -163,7 +163,7 @@ def test_table_3_2_of_T_as_printed(method):
 @pytest.mark.parametrize(("name", "jumps"), [("RC + KF", False), ("RC + KF, corrected", True)])
 def test_figures_11_and_13_of_P_by_RC_and_KF(chemistry, name, jumps):
     """(19)-(25), SoC by the inverse of the OCV curve on a grid of 1001 voltages."""
-    here = paper.case(chemistry, SEED)
+    here = paper.case(chemistry, SEED, paper.ROBOT_A)
     m = here.rule
     grid_V = np.linspace(m.ocv.voltage_V[0], m.ocv.voltage_V[-1], 1001)
     grid_soc = np.array([m.ocv.soc_at(v, m.ocv.reference_degC) for v in grid_V])
@@ -194,14 +194,16 @@ def test_figures_11_and_13_of_P_by_RC_and_KF(chemistry, name, jumps):
         if np.isfinite(y):
             x, P, _, _ = kalman_update(x, P, y, np.eye(3)[2], 0.8, x[2])
         found.append(np.interp(x[0], grid_V, grid_soc))
-    np.testing.assert_allclose(paper.run(chemistry, name, 1.0, SEED).soc, np.clip(found, 0, 1), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        paper.run(chemistry, name, 1.0, SEED, paper.ROBOT_A).soc, np.clip(found, 0, 1), rtol=0, atol=1e-9
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("chemistry", "start"), [("lead-acid", 1.0), ("lead-acid", 0.9), ("lfp", 1.0)])
 def test_figures_11_to_13_of_P_by_T2RC_and_UKF(chemistry, start):
     """(26)-(44) on SoC and the two RC voltages, sigma points drawn anew for the output."""
-    here = paper.case(chemistry, SEED)
+    here = paper.case(chemistry, SEED, paper.ROBOT_A)
     model, noise, sensor = here.battery.thevenin, here.battery.noise, here.battery.sensor
     degC = model.reference_degC
     R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2
@@ -225,5 +227,5 @@ def test_figures_11_to_13_of_P_by_T2RC_and_UKF(chemistry, start):
             S, C = dY * w_cov @ dY + R, dX * w_cov @ dY
             x, P = x + C / S * (y - w_mean @ Y), P - np.outer(C, C) / S
         found.append(x[0])
-    ours = paper.run(chemistry, "T2RC + UKF", start, SEED).soc
+    ours = paper.run(chemistry, "T2RC + UKF", start, SEED, paper.ROBOT_A).soc
     np.testing.assert_allclose(ours, np.clip(found, 0, 1), rtol=0, atol=1e-9)
