@@ -32,8 +32,6 @@ from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
 from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
 
-STATE_NAMES = ("bulk_V", "surface_V")
-
 
 def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
     """C_b + C_s = Q / (OCV(1) - OCV(0)) [F]: the straight line between full and empty holds the capacity.

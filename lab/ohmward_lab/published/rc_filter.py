@@ -258,17 +258,6 @@ class RcFilter:
         require_gate(self.gate, self.reset_after_s)
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the belief's mean, in order."""
-        return (
-            *rc_circuit.STATE_NAMES,
-            "model_error",
-            "offset_A",
-            "resistance",
-            *(("soc",) if self.link.soc_is_state else ()),
-        )
-
-    @property
     def limits(self) -> SampleLimits:
         """Limits of plausible samples."""
         return sample_limits(self.thevenin, self.gap_s)
@@ -476,7 +465,7 @@ class RcFilter:
     ) -> np.ndarray:
         """Vector (n,) of these elements in the order of the state; without `soc` where that is not a state."""
         elements = [bulk_V, surface_V, model_error, offset_A, resistance, soc]
-        return np.array(elements[: len(self.state_names)])
+        return np.array(elements if self.link.soc_is_state else elements[:SOC])
 
 
 def _block_diagonal(a: np.ndarray, b: np.ndarray) -> np.ndarray:

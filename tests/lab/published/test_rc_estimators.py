@@ -21,11 +21,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import (
-    BULK,
     MODEL_ERROR,
-    OFFSET,
-    RESISTANCE,
-    SOC,
     RcFilter,
     RcParameters,
     SocByCurve,
@@ -345,15 +341,6 @@ def test_bad_settings_are_refused(name):
 def test_a_soc_that_is_neither_state_nor_on_the_curve_is_refused():
     with pytest.raises(InputError, match="soc_as must be one of state, curve, got 'line'"):
         RcFilter(MODEL, NOISE, SENSOR, soc_as="line")
-
-
-def test_names_belong_to_the_state():
-    first = SocSample(0.0, 0.0, 12.5, NAN)
-    for estimator in (ESTIMATORS["curve"], ESTIMATORS["state"]):
-        assert len(estimator.state_names) == len(estimator.init(first).belief.mean)
-    names = ESTIMATORS["state"].state_names
-    places = (names[BULK], names[MODEL_ERROR], names[OFFSET], names[RESISTANCE], names[SOC])
-    assert places == ("bulk_V", "model_error", "offset_A", "resistance", "soc")
 
 
 def test_inverse_curve_undoes_the_curve():
