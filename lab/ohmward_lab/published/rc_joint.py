@@ -96,13 +96,10 @@ class JointEstimate(NamedTuple):
     """Estimate after a sample."""
 
     circuit: rc.Circuit  #: the parameters
-    #: their relative standard deviations
+    #: relative standard deviations of three of them
     c_bulk_std: Scalar
-    c_surface_std: Scalar
     r_std: Scalar
     r_terminal_std: Scalar
-    bulk_V: Scalar  #: voltage of the bulk capacitor
-    surface_V: Scalar  #: voltage of the surface capacitor
     voltage_V: Scalar  #: terminal voltage expected before the measurement
     voltage_std_V: Scalar  #: standard deviation of that voltage
     innovation_V: Scalar  #: measured minus expected voltage; nan when there was none
@@ -268,16 +265,13 @@ class RcJoint:
         self, belief: Belief, voltage_V: Scalar, innovation: Innovation, clean: CleanSocSample, flags: Scalar
     ) -> JointEstimate:
         """Estimate after the sample."""
-        c_bulk, c_surface, r, r_terminal = (np.sqrt(maximum(belief.cov[k, k], 0.0)) for k in range(PARAMETERS))
+        c_bulk, _, r, r_terminal = (np.sqrt(maximum(belief.cov[k, k], 0.0)) for k in range(PARAMETERS))
         nu = innovation.value[0]
         return JointEstimate(
             circuit=self.circuit(belief.mean),
             c_bulk_std=c_bulk,
-            c_surface_std=c_surface,
             r_std=r,
             r_terminal_std=r_terminal,
-            bulk_V=belief.mean[BULK],
-            surface_V=belief.mean[SURFACE],
             voltage_V=voltage_V - nu,
             voltage_std_V=np.sqrt(innovation.cov[0, 0]),
             innovation_V=where(clean.voltage_measured, nu, math.nan),
