@@ -38,6 +38,17 @@ def test_a_current_that_is_mostly_beyond_the_range_is_named(sign, largest_A):
     assert "unless 65.536 A are added" in finding.text
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_flickering_current_that_fills_the_range_has_wrapped(sign):
+    """Some steps from discharge to charge exceed the range."""
+    rng = np.random.default_rng(0)
+    load_A = np.repeat(rng.choice([-38.0, -3.5, 38.0], 200, p=[0.5, 0.45, 0.05]), 20)
+    current_A = load_A * (1.0 + 0.12 * rng.standard_normal(load_A.size))
+    voltage_V = 15.6 + 0.0016 * current_A + 0.002 * rng.standard_normal(load_A.size)
+    (finding,) = check_wrapped(wrapped(sign * current_A, 1e-3), voltage_V)
+    assert "unless 65.536 A are added" in finding.text
+
+
 @pytest.mark.parametrize("late", [1, 2, 5])
 def test_a_voltage_that_answers_late_is_no_wrap(late):
     current_A, voltage_V = drive(31.0)

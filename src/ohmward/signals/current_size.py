@@ -25,6 +25,9 @@ _EDGE, _MOST_EDGES = 0.2, 300
 #: the resistance.
 _FEWEST_OF_EACH, _LEFT = 5, 0.1
 _FEW, _LEFT_BY_FEW = 2, 0.01
+#: A current whose ends both lie within the last 1 % of the range has wrapped where it leaves much of the voltage's
+#: squares unexplained, and adding the range explains most of that: steps may then exceed the range.
+_FULL, _LEFT_BY_FULL = 0.99, 0.3
 #: Of currents that wrapped several times: the largest edges in ranges of the number, how many resistances are tried,
 #: the smallest coherence of all edges, and the fewest that wrapped. As logged, they leave this share of the voltage's
 #: squares unexplained.
@@ -41,6 +44,8 @@ LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 _MOST_CELL_OHM = 0.5
 #: A resistance is too small if it is by this many standard errors; smallest peak current [A] that is questioned.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
+#: A current whose smallest size is more than this share of the largest is never near 0.
+_NEVER_SMALL = 0.5
 
 #: Largest factor between the resistance that a current shows and the battery file's, and between that and the one it
 #: showed before: of measured cells in windows of half a minute up to 9 and 7, cold, sampled late and nearly empty.
@@ -92,7 +97,8 @@ def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Find
             count = _count_below_zero(current_A, voltage_V, range_A, digit_A)
         elif bits == _BITS_OF_SIGNED and _USED * range_A / 2 <= largest_A <= range_A / 2:
             fault = f"that wrapped beyond {range_A / 2:g} A"
-            count = count_wraps(np.diff(current_A), np.diff(voltage_V), range_A)
+            is_full = min(current_A.max(), -current_A.min()) >= _FULL * range_A / 2
+            count = count_wraps(np.diff(current_A), np.diff(voltage_V), range_A, is_full)
         if count:
             text = (
                 f"the voltage contradicts {count} steps of the current unless {range_A:.10g} A are added: a {bits}-bit "
@@ -144,10 +150,10 @@ def _squares_of_choices(steps_A: np.ndarray, dV: np.ndarray, range_A: float) -> 
     return (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
 
 
-def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
+def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float, is_full: bool = False) -> int:
     """Number of edges at which the current wrapped; 0 if the edges as logged are explained equally well.
 
-    dI, dV: (T - 1,) steps of current [A] and voltage [V].
+    dI, dV: (T - 1,) steps of current [A] and voltage [V].  is_full: the current reaches both ends of the range.
     """
     noise_V = spread(dV)
     edge = _voltage_edges(dI, dV)
@@ -157,12 +163,15 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     as_logged = _unexplained(dI, dV)
     if as_logged <= _NOISE * edge.size * noise_V**2:
         return 0
-    steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
+    is_unexplained = as_logged > _UNEXPLAINED_SHARE * float(dV @ dV)
+    is_full = is_full and is_unexplained
+    missing_A = range_A * np.sign(dI)
+    steps_A = np.stack([dI, dI - missing_A, dI + missing_A][: 2 + is_full], axis=1)
     left_V2 = _squares_of_choices(steps_A, dV, range_A)
     left = left_V2.min(axis=2).sum(axis=1)
-    if not left.size or left.min() > _LEFT * as_logged:
-        return _count_by_phase(dI, dV, range_A) if as_logged > _UNEXPLAINED_SHARE * float(dV @ dV) else 0
-    is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
+    if not left.size or left.min() > (_LEFT_BY_FULL if is_full else _LEFT) * as_logged:
+        return _count_by_phase(dI, dV, range_A) if is_unexplained else 0
+    is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1) > 0
     count = int(is_wrapped.sum())
     fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST_OF_EACH
     return count if count >= fewest and is_wrapped.size - count >= _FEWEST_OF_EACH else 0
@@ -232,7 +241,9 @@ def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | 
     if largest_A >= _DOUBTFUL_FROM_A and ohm + error_ohm <= least_ohm:
         factor = 1e-3 if 1e3 * (ohm + error_ohm) > least_ohm else 1e-6
         scale = next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor)
-        return NoAmperes(f"{seen} {1e3 * ohm:.2g} mohm, less than cells have", scale)
+        is_small = np.abs(current_A[known]).min() <= _NEVER_SMALL * largest_A
+        counts = "" if is_small else ", and is never near 0 (raw counts of a converter? convert them)"
+        return NoAmperes(f"{seen} {1e3 * ohm:.2g} mohm, less than cells have{counts}", scale)
     if edges.sign and ohm - error_ohm >= _MOST_CELL_OHM * fewest_cells:
         return NoAmperes(f"{seen} {ohm:.2g} ohm, more than cells have", None)
     return None
