@@ -51,6 +51,13 @@ def test_units_may_differ_and_an_empty_cell_is_no_current_that_way(write_text):
     np.testing.assert_array_equal(log.current_A, [2.0, -3.0, np.nan, -4.5])
 
 
+def test_columns_without_a_unit_may_be_milliamperes(write_text, pulses):
+    text = two_columns((pulses[0], 1e3 * pulses[1], pulses[2]), "charge_current", "discharge_current")
+    assert any(note.options == ("--unit", "current=mA") for note in read_log(write_text(text)).notes)
+    log = read_log(write_text(text), units={"current": "mA"})
+    np.testing.assert_allclose(log.current_A, pulses[1], atol=1e-9)
+
+
 def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
     text = two_columns(pulses, "charge_current", "discharge_current")
     named = read_log(write_text(text), columns={"current": "discharge_current"}, current_sign="discharge")

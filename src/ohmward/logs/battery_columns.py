@@ -170,6 +170,8 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
             continue
         if len(names) == len(both) and not _has(file, CURRENT, columns, names):
             less = partial(_difference, quantity=quantity, names=names, default=unit)
+            if not all(unit_in_name(name, (unit.dimension,)) for name in names):
+                column = next(split_unit(column))[0]  # without the unit in its name the size is checked
             return file.with_column(column, names, less)._replace(positive_current="charge")
     return file
 
