@@ -12,6 +12,7 @@ from ohmward.logs.clean import (
     merge_rates,
     missing_notes,
     to_si,
+    without_rows_of_zeros,
     without_silent_spikes,
     without_spikes,
 )
@@ -216,11 +217,21 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
     assert without_spikes(VOLTAGE, voltage_V) == (voltage_V, ())
 
 
-def test_a_voltage_of_zero_is_no_measurement_however_long_it_lasts():
-    voltage_V = np.where(np.arange(400) < 60, 0.0, 13.2)
+@pytest.mark.parametrize("code_V", [0.0, 65.535, 65535 * 1e-3, 99.99, 655.35])
+def test_a_voltage_that_stands_for_none_is_no_measurement_however_long_it_lasts(code_V):
+    voltage_V = np.where(np.arange(400) < 60, code_V, 13.2)
     found_V, notes = without_spikes(VOLTAGE, voltage_V)
-    np.testing.assert_array_equal(np.isnan(found_V), voltage_V == 0.0)
-    assert "60 voltages of 0 V left out" in str(notes)
+    np.testing.assert_array_equal(np.isnan(found_V), voltage_V == code_V)
+    assert f"60 voltages of {code_V:g} V left out" in str(notes)
+
+
+def test_rows_of_zeros_are_no_rest():
+    voltage_V = np.array([13.2, 0.0, 0.0, 13.1, 13.0])
+    current_A = np.array([-2.0, 0.0, 0.0, 0.0, np.nan])
+    found_A, found_V, (note,) = without_rows_of_zeros(current_A, voltage_V)
+    np.testing.assert_array_equal(found_A, [-2.0, np.nan, np.nan, 0.0, np.nan])
+    np.testing.assert_array_equal(found_V, [13.2, np.nan, np.nan, 13.1, 13.0])
+    assert str(note) == "warning: 2 rows of 0 A and 0 V left out: no measurement"
 
 
 @pytest.mark.parametrize("value", [-40.0, 0.0, 85.0])
@@ -253,6 +264,16 @@ def test_single_currents_that_the_voltage_does_not_answer_are_left_out_and_count
     found_A, notes = without_silent_spikes(current_A, voltage_V)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_A)), [0, 57, 399])
     assert [(note.level, note.text[:11]) for note in notes] == [("warning", "3 currents ")]
+
+
+@pytest.mark.parametrize("rows", [slice(100, 160), slice(0, 400, 25)])
+@pytest.mark.parametrize("value", [9999.0, -32.768, -32768 * 1e-3, 655.35])
+def test_a_current_that_stands_for_none_is_left_out_however_often_it_comes(value, rows):
+    current_A, voltage_V = loads()
+    current_A[rows] = value
+    found_A, (note,) = without_silent_spikes(current_A, voltage_V)
+    np.testing.assert_array_equal(np.isnan(found_A), current_A == value)
+    assert note.level == "warning" and f"currents of {value:g} A left out" in note.text
 
 
 @pytest.mark.parametrize("later", [0, 1])

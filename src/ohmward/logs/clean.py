@@ -27,6 +27,8 @@ LARGEST_READING = 1e18
 #: A voltage spike lasts less than half of this many samples, and is farther from the samples around it than this
 #: fraction of the usual voltage: pulses of a cold cell move it less.
 _AROUND, _SPIKE_SHARE = 7, 1 / 3
+#: Digits of numbers that stand for a missing value, whatever the unit: 0, nines, and the ends of 16 and 32 bits.
+_CODES = frozenset(("", "999", "9999", "99999", "32767", "32768", "65535", "2147483647", "2147483648", "4294967295"))
 #: A temperature spike is farther than this [K] from the samples around it: pulses warm a cell by only a few kelvins.
 _FAR_K = 20.0
 #: A temperature that never changes and lies outside these limits [degC] is an error code: -127, -40, 85, 127.
@@ -88,32 +90,34 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 
 
 def without_spikes(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """Voltages or temperatures (T,), isolated impossible values, such as 65.535 V, set to NaN, and a note on them.
+    """Voltages or temperatures (T,), isolated impossible values, such as -40 degC, set to NaN, and a note on them.
 
-    Voltages of 0 are no measurement however long they last, as before a battery is connected.
+    Voltages of 0, as before a battery is connected, and of 65.535 V are no measurement however long they last.
     """
     low, high = np.fmin.reduce(values), np.fmax.reduce(values)
     if high - low <= (_FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * low):
         return values, ()  # none is that far from the median, wherever that lies
     usual = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
-    rows, _ = _alone(values, usual, _FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * abs(usual))
+    far = _FAR_K if quantity.unit == "degC" else _SPIKE_SHARE * abs(usual)
+    rows = _alone(values, usual, far)
     if quantity.unit == "V" and usual > 0.0:
-        rows = np.union1d(rows, np.flatnonzero(values == 0.0))
+        rows = np.union1d(rows, np.flatnonzero(_are_codes(values) & (np.abs(values - usual) > far)))
     return without_rows(quantity, values, rows, "no measurement, far from the rows around")
 
 
 def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The currents (T,) [A] with huge values to which the voltage (T,) [V] does not respond set to NaN, and a note.
 
-    A disturbed bus gives 32.767 or 655.35 A, for example. A current that flows moves the voltage across the resistance
-    at once, or in the next row if the voltage is sampled later.
+    A disturbed bus gives 32.767 or 655.35 A, for example, in single rows or for as long as it lasts. A current that
+    flows moves the voltage across the resistance at once, or in the next row if the voltage is sampled later.
     """
-    size_A = np.abs(current_A)
-    if np.count_nonzero(_HUGE * size_A >= np.fmax.reduce(size_A)) >= 0.01 * size_A.size + 2:
+    codes, size_A = _are_codes(current_A), np.abs(current_A)
+    if not codes.any() and np.count_nonzero(_HUGE * size_A >= np.fmax.reduce(size_A)) >= 0.01 * size_A.size + 2:
         return current_A, ()  # so many are as large as a third of the largest that the quantile is
     known = np.isfinite(current_A)
-    usual_A = float(np.quantile(size_A[known], 0.99)) if known.any() else 0.0
-    rows, around_A = _alone(current_A, 0.0, _HUGE * usual_A)
+    measured = known & ~codes
+    huge_A = _HUGE * float(np.quantile(size_A[measured], 0.99)) if measured.any() else np.inf
+    rows = np.union1d(_alone(current_A, 0.0, huge_A), np.flatnonzero(codes & (size_A > huge_A)))
     if not rows.size:
         return current_A, ()
     others = known & np.isfinite(voltage_V)
@@ -121,10 +125,12 @@ def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple
     ohm = abs(edge_test(current_A[others], voltage_V[others]).resistance_ohm)
     beside_V = voltage_V[np.clip(rows[:, None] + np.array([-1, 0, 1]), 0, voltage_V.size - 1)]
     answer_V = np.abs(beside_V[:, 1:] - beside_V[:, :1])
-    expected_V = ohm * np.abs(current_A[rows] - around_A)
+    expected_V = ohm * np.abs(current_A[rows])
     silent = np.isnan(beside_V[:, 1]) | (
         np.where(np.isnan(answer_V), 0.0, answer_V).max(axis=1) < _ANSWERS * expected_V
     )
+    of_codes = codes[rows]  # which all are measured, or none: one of them may stand beside a load that changes
+    silent[of_codes] = 2 * np.count_nonzero(silent[of_codes]) > np.count_nonzero(of_codes)
     current = QUANTITIES["battery_current_A"]
     return without_rows(current, current_A, rows[silent], "no measurement, the voltage does not answer")
 
@@ -270,17 +276,35 @@ def without_impossible(
     return without_rows(quantity, values, np.flatnonzero(wrong), "no battery has them")
 
 
-def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of values (T,) farther than `far` from `usual` and from the median of those around; and these medians."""
+def without_rows_of_zeros(
+    current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[Note, ...]]:
+    """The currents and voltages (T,) with NaN where both are 0, as of a logger without its sensor, and a note."""
+    empty = (current_A == 0.0) & (voltage_V == 0.0)
+    if not empty.any():
+        return current_A, voltage_V, ()
+    note = Note(f"{counted(empty.sum(), 'row')} of 0 A and 0 V left out: no measurement", "warning")
+    return np.where(empty, np.nan, current_A), np.where(empty, np.nan, voltage_V), (note,)
+
+
+def _are_codes(values: np.ndarray) -> np.ndarray:
+    """Mask (T,) of the lowest and highest values, where these are 0 or a number that stands for a missing one."""
+    ends = (np.fmin.reduce(values), np.fmax.reduce(values))
+    digits = [f"{abs(end):.9e}".partition("e")[0].replace(".", "").strip("0") for end in ends]
+    return np.isin(values, [end for end, of_end in zip(ends, digits, strict=True) if of_end in _CODES])
+
+
+def _alone(values: np.ndarray, usual: float, far: float) -> np.ndarray:
+    """Rows of values (T,) farther than `far` from `usual` and from the median of those around."""
     rows = np.flatnonzero(np.isfinite(values) & (np.abs(values - usual) > far))
     known = np.flatnonzero(np.isfinite(values)) if rows.size else rows  # a long log without any takes no more memory
     if known.size < _AROUND:
-        return np.empty(0, int), np.empty(0)
+        return np.empty(0, int)
     apart = np.searchsorted(known, rows)
     first = np.clip(apart - _AROUND // 2, 0, known.size - _AROUND)
     around = np.median(values[known[first[:, None] + np.arange(_AROUND)]], axis=1)
     spike = np.abs(values[known[apart]] - around) > far
-    return known[apart[spike]], around[spike]
+    return known[apart[spike]]
 
 
 def without_rows(

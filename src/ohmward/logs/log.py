@@ -322,8 +322,9 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         time_s, start_unix_s = time_s - time_s[0], start_unix_s + float(time_s[0])
     elif wall_clock is not None:
         start_unix_s = float(wall_clock[0] - time_s[0])
-    voltage_V, spikes = clean.without_spikes(QUANTITIES["battery_voltage_V"], measured["voltage"])
-    current_A, silent = clean.without_silent_spikes(measured["current"], voltage_V)
+    current_A, voltage_V, empty = clean.without_rows_of_zeros(measured["current"], measured["voltage"])
+    voltage_V, spikes = clean.without_spikes(QUANTITIES["battery_voltage_V"], voltage_V)
+    current_A, silent = clean.without_silent_spikes(current_A, voltage_V)
     current_A, voltage_V, unheard = clean.without_repeated_rows(time_s, current_A, voltage_V)
     current_A, dead = clean.without_stuck_current(time_s, current_A, voltage_V)
     warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
@@ -351,6 +352,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         notes=(
             *table.notes,
             *warnings,
+            *empty,
             *spikes,
             *silent,
             *unheard,

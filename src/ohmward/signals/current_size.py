@@ -241,7 +241,7 @@ def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | 
     if largest_A >= _DOUBTFUL_FROM_A and ohm + error_ohm <= least_ohm:
         factor = 1e-3 if 1e3 * (ohm + error_ohm) > least_ohm else 1e-6
         scale = next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor)
-        is_small = np.abs(current_A[known]).min() <= _NEVER_SMALL * largest_A
+        is_small = np.abs(current_A).min() <= _NEVER_SMALL * largest_A
         counts = "" if is_small else ", and is never near 0 (raw counts of a converter? convert them)"
         return NoAmperes(f"{seen} {1e3 * ohm:.2g} mohm, less than cells have{counts}", scale)
     if edges.sign and ohm - error_ohm >= _MOST_CELL_OHM * fewest_cells:
