@@ -94,6 +94,7 @@ def test_overrides_win():
         ("time left_current right_current voltage", {}, r"both 'left_current' and 'right_current'.*--column current="),
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
+        ("time voltage consumed_mAh", {}, "charge or energy is counted in 'consumed_mAh': log the current"),
         ("time voltage", {}, r"no column for the current found; it has no more than 'time', 'voltage'; .* record both"),
         ("time current input_mV output_mV", {}, r"both 'input_mV' and 'output_mV' may be the voltage"),
         ("time curLeft voltage", {}, r"choose with --column current=curLeft"),

@@ -84,6 +84,11 @@ def test_a_gzip_file_is_read_up_to_where_it_was_cut_off(tmp_path):
     assert "the gzip file is cut off" in str(table.notes[-1])
 
 
+def test_lines_may_be_quoted_as_a_whole(write_text):
+    table = load(write_text('"time_s,note,a"\n"0,""x, y"",1.5"\n"1,""z"",2.5"\n'))
+    np.testing.assert_array_equal(table.columns["a"], [1.5, 2.5])
+
+
 def test_quoted_names_may_contain_the_delimiter(write_text):
     table = load(write_text('"time, s","current, A"\n0,1\n1,2\n'))
     assert list(table.columns) == ["time, s", "current, A"]
@@ -172,6 +177,8 @@ def test_zeros_that_a_power_failure_left_in_a_line_cost_that_line(write_text):
         ("time_s\n1\n2\n", "only one column found"),
         ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
         ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
+        ("a,b,c\n" + "1,2,3\n" * 29 + "b,a,c\n" + "1,2,3\n" * 9, r"another header \(a, b, c\) stands below 29 rows"),
+        ("a,b,c\n" + "1,2,3\n" * 9 + "b,a,c\n" + "1,2,3\n" * 20, r"another header \(b, a, c\) stands below 9 rows"),
         ("a,b\0\0\0\n1,2\n", "not a text table"),
         ("a,b\n1,2\n3,4\n" + "\0\x01\xff\n" * 9, "damaged from line 4 on.*head -n 3"),
     ],

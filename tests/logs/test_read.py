@@ -233,6 +233,7 @@ def test_parquet_with_dates_dictionaries_booleans_and_nulls(tmp_path, pulses):
         (b"time_s,current_A,voltage_V\n", "no rows below it"),
         (b"time_s,current_A,voltage_V\n0,1\n2,3\n", "line 2: 2 cells where the header has 3"),
         (b"time_s,current_A,voltage_V\n0,1,12\n1,high,12\n", r"line 3, column 'current_A': 'high' is not a number"),
+        (b"time_s,current_A,voltage_V\n0,0x1F,12\n1,0xFF,12\n", "'0x1F' is not a number; it looks hexadecimal"),
         (b"time_s,current_A,voltage_V\nnow,1,12\n", r"line 2, column 'time_s': 'now' is not a time"),
         (b"time_s,current_A,voltage_V\n0,,12\n1,,12\n", "column 'current_A' has no value"),
         (b"time_s,current_A,voltage_V\n,1,12\n,1,12\n", "column 'time_s' has no value"),

@@ -32,6 +32,7 @@ def _zip(*names: str) -> bytes:
         (b"1700000000.002 1R29 18FF5000 FA 01\n", "CRTD.*SavvyCAN"),
         (b"  can0  123   [8]  00 11 22 33 44 55 66 77\n", "candump -l can0"),
         (b" (1700000000.000001)  vcan0  123   [2]  00 11\n", "candump -l can0"),
+        (b"Time,CAN ID,DLC,Data\n0.1,0x356,2,0A 1B\n", "CAN bus in a table of its own; open it in SavvyCAN"),
         (b"\x80\x04\x95" + bytes(90), "pickle of Python"),
         (b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250), "an archive of tar; unpack it"),
         (gzip.compress(b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250)), "an archive of tar; unpack it"),

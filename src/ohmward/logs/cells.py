@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ def is_value(cell: str) -> bool:
     if not cell or _MARKS.search(cell):
         return False
     try:
-        float(cell)
+        int(cell, 16) if cell[:2] in ("0x", "0X") else float(cell)
     except ValueError:
         known = cell.lower() in MISSING or _TIME.search(cell) is not None
         return known or _MEASURED.match(cell.translate(_SIGNS)) is not None
@@ -140,8 +141,12 @@ def without_words(
     """Columns of text as numbers if all but a few words among them, such as `OL`, are numbers; and notes on these.
 
     A cell with a digit in it may be a number that is written in another way: then all of its column stay text.
+
+    Raises:
+        InputError: a row of different words in all columns of numbers, which is another header.
     """
     found, notes = dict(columns), []
+    rows_of_words = []
     for name, cells in columns.items():
         unit, first = units.get(name), cells[:_FIRST_CELLS]
         if cells.dtype != object:
@@ -155,6 +160,15 @@ def without_words(
             text = f"{counted(int(words.sum()), 'cell')} of {name!r} treated as missing: no number ({example!r})"
             notes.append(Note(text, "warning"))
             found[name] = numbers
+            rows_of_words.append(np.flatnonzero(words))
+    if len(rows_of_words) > 1 and len(rows_of_words) == sum(values.dtype != object for values in found.values()):
+        for row in reduce(np.intersect1d, rows_of_words):
+            cells = {str(columns[name][row]) for name in found if columns[name].dtype == object}
+            if len(cells) >= len(rows_of_words):
+                raise InputError(
+                    f"another header ({', '.join(sorted(cells))}) stands below {counted(int(row), 'row')}: another "
+                    "table; split the file there"
+                )
     return found, notes
 
 

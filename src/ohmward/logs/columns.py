@@ -216,7 +216,11 @@ def find_column(
         column = fitting
     elif channel.required and not optional:
         near = _nearest(names, channel)
-        raise UnclearColumnsError(source, names, {quantity: f"no column for the {quantity} found"}, {quantity: near})
+        fault = f"no column for the {quantity} found"
+        counters = [n for n in free if (unit := next(split_unit(n))[1]) and unit.dimension in ("charge", "energy")]
+        if channel is CURRENT and counters:
+            fault += f" (charge or energy is counted in {listed(counters)}: log the current beside it)"
+        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: near})
     else:
         return None
     return column._replace(unit=given_unit(quantity, units[quantity])) if quantity in units else column

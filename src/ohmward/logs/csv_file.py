@@ -84,7 +84,10 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
-    joined, of_words = without_words(joined, layout.marks, layout.units)
+    try:
+        joined, of_words = without_words(joined, layout.marks, layout.units)
+    except InputError as error:
+        raise InputError(f"{path.name}: {error}") from None
     return Table(path.name, joined, np.concatenate(lines), "line", (*notes, *of_words))
 
 

@@ -21,12 +21,14 @@ from ohmward.logs.cells import (
     find_block,
     find_header,
     find_marks,
+    is_data,
     unit_in_cells,
 )
 from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.columns import unique_names
 from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
+from ohmward.logs.table import counted
 from ohmward.logs.units import Unit, split_unit
 
 #: Byte-order marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
@@ -336,6 +338,8 @@ def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
     tabs_are_cells = sum(",\t" in line for line in lines) > _MOSTLY * len(lines)
     delimiters = mark or (_DELIMITERS.replace("\t", "") if tabs_are_cells else _DELIMITERS)
     marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in delimiters])
+    if marked is None and all(line[:1] == line[-1:] == '"' for line in lines):  # each line in quotes, as one cell
+        marked = _heaviest([_split_by(lines, delimiter, _unquoted) for delimiter in delimiters])
     if mark or (marked is not None and marked.block.length >= _MOSTLY * len(lines)):
         return marked
     spaced = _heaviest([_split_by(lines, "\t", _at_spaces), _fixed_width(lines)])
@@ -364,6 +368,10 @@ def _split_by(lines: Sequence[str], delimiter: str, split: Callable[[str], str] 
 
 def _at_arrow(line: str, delimiter: str) -> str:
     return line.replace(_ARROW, delimiter, 1)
+
+
+def _unquoted(line: str) -> str:
+    return line.strip()[1:-1].replace('""', '"')
 
 
 def _at_spaces(line: str) -> str:
@@ -396,6 +404,7 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
         return Header(tuple(hints.names), None, found.block.first)
     header = find_header(found.rows, found.block)
     if header.row is not None:
+        _require_no_rows_above(path, found.rows[: header.row], found.rows[header.row])
         return header
     row = found.rows[found.block.first]
     names = names_without_header(row)
@@ -411,6 +420,16 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
             "order with --names time_s,current_A,voltage_V,... (FileHints(names=[...])), or put such a line above it"
         )
     return Header(tuple(names), None, found.block.first)
+
+
+def _require_no_rows_above(path: Path, above: Sequence[Sequence[str]], header: Sequence[str]) -> None:
+    """Refuse a second header, above which rows of values stand below a first one with more than half of its names."""
+    first = next((at for at, row in enumerate(above) if 2 * len(set(row) & set(header)) > len(header)), len(above))
+    if rows := sum(map(is_data, above[first:])):
+        raise InputError(
+            f"{path.name}: another header ({', '.join(header)}) stands below {counted(rows, 'row')}: another table; "
+            "split the file there"
+        )
 
 
 def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]]) -> CsvLayout:

@@ -38,7 +38,9 @@ def counted(count: int, noun: str) -> str:
 Progress = Callable[[int, int], None]
 
 #: Cell texts that mean a missing number, in lower case.
-MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", ".nan"))
+MISSING = frozenset(
+    ("", "nan", "na", "n/a", "#n/a", "#div/0!", "null", "none", "-", "--", ".nan", "unavailable", "unknown")
+)
 
 
 #: Endings of logs, and of recordings of ROS.
@@ -222,6 +224,9 @@ def held(values: np.ndarray) -> np.ndarray:
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 
 
+_HEXADECIMAL = re.compile(r"0x[0-9a-f]+|(?=.*\d)[0-9a-f]{4,}", re.IGNORECASE)
+
+
 def numbers(table: Table, name: str) -> np.ndarray:
     """The column (T,) as float64, durations in seconds; InputError for a text, with its line."""
     values = table.columns[name]
@@ -234,10 +239,11 @@ def numbers(table: Table, name: str) -> np.ndarray:
         try:
             found[row] = number(str(cell))
         except ValueError:
-            raise InputError(
-                f"{table.source}, {table.place} {table.line[row]}, column {name!r}: {str(cell)!r} is not a number; "
-                "correct the cell, leave it empty, or delete the line"
-            ) from None
+            fix = "correct the cell, leave it empty, or delete the line"
+            if _HEXADECIMAL.fullmatch(str(cell)):
+                fix = "it looks hexadecimal: convert the column to decimal numbers with their sign"
+            where = f"{table.source}, {table.place} {table.line[row]}, column {name!r}"
+            raise InputError(f"{where}: {str(cell)!r} is not a number; {fix}") from None
     return found
 
 
