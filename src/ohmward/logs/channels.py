@@ -15,8 +15,8 @@ CORNERS = SIDES | {"front", "rear"}
 # Abbreviations in the names of wheels and of the body's sensors, spelled out.
 _SPELLED_OUT: dict[str, tuple[str, ...]] = {
     "l": ("left",), "r": ("right",), "back": ("rear",),
-    **dict.fromkeys(("links", "linkes", "gauche", "izquierda", "sinistra"), ("left",)),
-    **dict.fromkeys(("rechts", "rechtes", "droite", "derecha", "destra"), ("right",)),
+    **dict.fromkeys(("links", "linkes", "gauche", "izquierda", "izquierdo", "izq", "sinistra", "sx"), ("left",)),
+    **dict.fromkeys(("rechts", "rechtes", "droite", "derecha", "derecho", "der", "destra", "dx"), ("right",)),
     **dict.fromkeys(("vorn", "vorne", "avant"), ("front",)), **dict.fromkeys(("hinten", "arriere"), ("rear",)),
     **dict.fromkeys(("fl", "lf"), ("front", "left")), **dict.fromkeys(("fr", "rf"), ("front", "right")),
     **dict.fromkeys(("rl", "bl", "lr", "lb"), ("rear", "left")),
@@ -28,13 +28,15 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-#: East Asian words for wheels, the longest first.
-_EAST_ASIAN = {
+#: Words for wheels in other scripts, the longest first.
+_OTHER_SCRIPTS = {
     unaccented(sign): word
     for word, signs in (
-        ("omega", "角速度"), ("speed", "回転速度 回転数 转速 轉速 速度"), ("motor", "モーター 电机 電機 马达"),
-        ("current", "电流 電流"), ("wheel", "車輪 车轮 轮 輪"), ("left", "左"), ("right", "右"), ("front", "前"),
-        ("rear", "后 後"),
+        ("omega", "角速度"), ("speed", "回転速度 回転数 转速 轉速 速度 скорость обороты"),
+        ("motor", "モーター 电机 電機 马达 мотора мотор"), ("current", "电流 電流 ток"),
+        ("wheel", "車輪 车轮 轮 輪 колеса колесо"), ("left", "左 левого левое левый левая"),
+        ("right", "右 правого правое правый правая"), ("front", "前 переднее передний"),
+        ("rear", "后 後 заднее задний"),
     )
     for sign in signs.split()
 }  # fmt: skip
@@ -64,8 +66,8 @@ def letters(stem: str) -> list[str]:
 def robot_words(stem: str) -> list[str]:
     """Words and numbers, abbreviations spelled out: `velL` as vel, left; `m1vel` as m, 1, vel."""
     text = unaccented(stem)
-    for sign, word in _EAST_ASIAN.items() if not text.isascii() else ():
-        text = text.replace(sign, f" {word} ")
+    for sign, word in _OTHER_SCRIPTS.items() if not text.isascii() else ():
+        text = re.sub(sign, f" {word} ", text, flags=re.IGNORECASE)
     parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", text)
     return [word for part in parts for word in _SPELLED_OUT.get(part.lower(), (part.lower(),))]
 

@@ -58,7 +58,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "rads"),
     Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "°/s"),
     Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
-    Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min"),
+    Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min", "tr/min", "giri/min", "obr/min", "об/мин"),
     Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps"),
     Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "tps", "cps", "qpps"),
     Unit("erpm", "turn rate", 1 / 60): ("erpm",),  # pole pairs of the motor pass in a minute
@@ -105,8 +105,10 @@ _PARTS = "|".join(re.escape(spelling).replace("/", "[/_]") for spelling in _OF_P
 _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$", re.IGNORECASE)
 
 
-# `rpm_left`, `ticks.right`
-_BEFORE = re.compile(r"^(?P<unit>e?rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
+# `rpm_left`, `ticks.right`, `motor_rpm_left`
+_BEFORE = re.compile(
+    r"^(?P<stem>(?:[^\W_]+[\s_.-]+)*?)(?P<unit>e?rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<rest>.+)$", re.IGNORECASE
+)
 # `TimeUS` of ArduPilot, `BattV`, `tempC`, `busVoltageMv`
 _CAPITALS = re.compile(
     r"^(?P<stem>\w*?(?:[Tt]ime(?:stamp)?|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"
