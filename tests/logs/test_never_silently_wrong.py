@@ -144,6 +144,33 @@ def test_a_long_table_of_centuries_is_refused(write_text):
         read_log(write_text(f"time,name,value\n{rows}"))
 
 
+def long_table(labels=("",)):
+    """A row for each value of batteries, whose currents differ by a factor."""
+    rows = [
+        f"{t},{name},{value},{label}"
+        for t, i, u in zip(LOG.time_s, LOG.current_A, LOG.voltage_V, strict=True)
+        for k, label in enumerate(labels, start=1)
+        for name, value in (("current", k * i), ("voltage", u))
+    ]
+    return "\n".join(["time,name,value,robot", *rows, ""])
+
+
+def test_robots_in_a_long_table_are_told_apart_by_a_label(write_text):
+    path = write_text(long_table(["r1", "r2"]))
+    with pytest.raises(
+        InputError, match="they differ in 'robot'; choose one with --where robot=r1 or --where robot=r2"
+    ):
+        read_log(path)
+    np.testing.assert_array_equal(read_log(path, where={"robot": "r2"}).current_A, 2 * LOG.current_A)
+
+
+def test_values_that_a_long_table_has_twice_are_counted(write_text):
+    text = long_table() + f"{LOG.time_s[7]},voltage,13.9,\n"
+    assert any(
+        "1 value of a name that has another at the same time" in str(n) for n in read_log(write_text(text)).notes
+    )
+
+
 def test_one_time_for_all_rows_is_no_clock(write_text):
     rows = [f"5,{-1.0 * (k % 9 < 4)},{13.0 - 0.02 * (k % 9 < 4)}" for k in range(90)]
     with pytest.raises(InputError, match=r"column 'time_s' is 5 in all 90 rows; .*--sample-time 1"):

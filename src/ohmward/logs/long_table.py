@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +10,13 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.clean import LONGEST_S, YEAR_S
 from ohmward.logs.clock import read_clock
-from ohmward.logs.columns import Column
-from ohmward.logs.table import Note, Table, TableFile, file_of, held, row_numbers
+from ohmward.logs.columns import Column, argument
+from ohmward.logs.selection import select_rows
+from ohmward.logs.table import Note, Table, TableFile, counted, file_of, held, row_numbers
 
 _TIME = "time"
+#: Most labels that an error lists.
+_MOST_NAMED = 8
 
 
 class LongColumns(NamedTuple):
@@ -31,13 +34,59 @@ _VALUES = ("value", "val", "reading", "payload")
 _TIMES = ("time", "timestamp", "ts", "date", "datetime")
 
 
+#: Share of the values with the name and time of another value from which batteries or robots have the same names.
+_MOST_REPEATED = 0.2
+
+
 def as_wide(file: TableFile) -> TableFile:
-    """A long table with a column for each of its names; any other table as it is."""
+    """A long table with a column for each of its names; any other table as it is.
+
+    The other columns may tell batteries or robots apart, whose names are the same: `part` picks one of them.
+    """
     columns = _long_columns(file.names)
     if columns is None:
         return file
-    table = _wide(file.load([columns.name, columns.value, columns.time]), columns, file)
-    return file._replace(names=tuple(table.columns), load=file_of(table, file.hints).load, time=_TIME, head={})
+    table = file.load(file.names)
+    labels = [name for name in table.columns if name not in columns]
+
+    def opened(table: Table) -> TableFile:
+        wide = _wide(table, columns, file)
+        return file._replace(names=tuple(wide.columns), load=file_of(wide, file.hints).load, time=_TIME, head={})
+
+    def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
+        chosen = {name: wanted for name, wanted in where.items() if name in labels}
+        mine = select_rows(table, chosen)
+        _require_one_instance(mine, columns, [name for name in labels if name not in chosen])
+        rows = opened(mine)
+        label = {name: mine.columns[name][0] for name in chosen}
+        for name, value in label.items():  # for those who select rows by it again
+            note = Note(f"{name} = {value} throughout")
+            rows = rows.with_column(
+                name, (), lambda wide, value=value, note=note: (np.full(wide.line.size, value), note)
+            )
+        return rows
+
+    return opened(table)._replace(choose=part)
+
+
+def _require_one_instance(table: Table, columns: LongColumns, labels: Sequence[str]) -> None:
+    """Refuse values of several batteries or robots that have the same names, with the label that tells them apart."""
+    series = np.char.add(table.columns[columns.name].astype(str), table.columns[columns.time].astype(str))
+
+    def repeated(keys: np.ndarray) -> float:
+        return 1.0 - np.unique(keys).size / max(keys.size, 1)
+
+    if repeated(series) <= _MOST_REPEATED:
+        return
+    texts = {name: table.columns[name].astype(str) for name in labels}
+    for name, text in sorted(texts.items(), key=lambda label: np.unique(label[1]).size):
+        values = list(dict.fromkeys(text.tolist()))
+        if len(values) > 1 and repeated(np.char.add(series, text)) <= _MOST_REPEATED:
+            options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values[:_MOST_NAMED])
+            raise InputError(
+                f"{table.source}: values of one name and time are of several batteries or robots; they differ in "
+                f"{name!r}; choose one with {options} (where={{{name!r}: {values[0]!r}}})"
+            )
 
 
 def _long_columns(names: Collection[str]) -> LongColumns | None:
@@ -71,15 +120,19 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         start = np.int64(round(clock.start_unix_s * 1e9))
         nanoseconds = start + np.round(time_s * 1e9).astype(np.int64)
         wide[_TIME] = nanoseconds.astype("M8[ns]")
+    values, lost = values[known], 0
     for name in dict.fromkeys(names.tolist()):
         of_name = names == name
         column = np.full(time_s.size, np.nan)
-        column[row[of_name]] = values[known][of_name]
+        column[row[of_name]] = values[of_name]
+        lost += np.count_nonzero(np.abs(column[row[of_name]] - values[of_name]) > 0.0)
         if np.isfinite(column).any():
             wide[name] = held(column) if columns.holds else column
     until = ", each of which holds until the next" if columns.holds else ""
-    note = Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")
-    return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, note))
+    notes = [Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")]
+    if lost:
+        notes.append(Note(f"{counted(lost, 'value')} of a name that has another at the same time: left out", "warning"))
+    return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, *notes))
 
 
 def _number(cell: object) -> float:
