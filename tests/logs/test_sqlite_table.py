@@ -56,6 +56,17 @@ def test_a_table_can_be_named(tmp_path):
         read_log(path, where={"topic": "other"})
 
 
+def test_of_the_logs_of_two_batteries_one_is_named(tmp_path):
+    path = with_log(tmp_path)
+    with closing(sqlite3.connect(path)) as found, found:
+        found.execute('CREATE TABLE left AS SELECT id, timestamp, current / 2 AS current, voltage FROM "battery log"')
+    with pytest.raises(
+        InputError, match="2 of its tables hold a log of a battery; choose one with --topic battery log or"
+    ):
+        read_log(path)
+    np.testing.assert_array_equal(read_log(path, where={"topic": "left"}).current_A, LOG.current_A / 2)
+
+
 def test_a_row_for_each_value_becomes_a_column_for_each_name(tmp_path):
     rows = [(date, name, value) for date, (_, i, u, _) in zip(DATES, LOG.rows(), strict=True)
             for name, value in (("current", i), ("voltage", u))]  # fmt: skip

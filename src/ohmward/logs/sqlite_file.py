@@ -17,7 +17,7 @@ from ohmward.logs.columns import has_log, listed
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
-from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers
+from ohmward.logs.table import BATTERY, Note, Progress, Table, TableFile, parsing, row_numbers
 
 MAGIC = b"SQLite format 3\x00"
 
@@ -115,7 +115,16 @@ def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], h
         wanted = str(where.get(TOPIC, table))
         if wanted not in tables:
             raise InputError(f"{path.name}: there is no table {wanted!r}; it has: {listed(list(tables))}")
-        return _table_file(path, wanted, tables, hints) if wanted != table else here
+        logs = [name for name in tables if has_log(tables[name])]
+        if kind == BATTERY and TOPIC not in where and len(logs) > 1:
+            options = " or ".join(f"--topic {name}" for name in logs)
+            raise InputError(
+                f"{path.name}: {len(logs)} of its tables hold a log of a battery; choose one with {options} "
+                f"(where={{{TOPIC!r}: {logs[0]!r}}})"
+            )
+        if wanted != table:
+            return _table_file(path, wanted, tables, hints).part(kind, where)
+        return here.part(kind, where)._replace(choose=part)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = [name for name in tables[table] if name in names] or list(tables[table])
@@ -130,8 +139,8 @@ def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], h
         rows = database.execute(f"SELECT * FROM {_quoted(table)} LIMIT 100").fetchall()
     first = dict(zip(tables[table], zip(*rows, strict=True), strict=False))
     head = {name: tuple(map(str, cells)) for name, cells in first.items() if any(isinstance(c, str) for c in cells)}
-    here = as_wide(TableFile(path.name, tables[table], load, head=head, hints=hints))._replace(choose=part)
-    return here
+    here = as_wide(TableFile(path.name, tables[table], load, head=head, hints=hints))
+    return here._replace(choose=part)
 
 
 def _quoted(name: str) -> str:
