@@ -60,6 +60,11 @@ def test_only_the_columns_asked_for_are_read(tmp_path):
     assert list(load(path, "pack.b").columns) == ["pack.b"]
 
 
+def test_texts_with_decimal_commas_are_numbers(tmp_path):
+    parquet.write_table(pyarrow.table({"a": ["1,5", "-2,25", ""]}), tmp_path / "a.parquet")
+    np.testing.assert_array_equal(load(tmp_path / "a.parquet").columns["a"], [1.5, -2.25, np.nan])
+
+
 def test_a_name_twice_is_refused(tmp_path):
     path = tmp_path / "t.parquet"
     parquet.write_table(pyarrow.table([pyarrow.array([1.0])] * 2, names=["a", "a"]), path)

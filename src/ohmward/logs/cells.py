@@ -136,7 +136,7 @@ def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) ->
 
 
 def without_words(
-    columns: Mapping[str, np.ndarray], marks: Marks, units: Mapping[str, Unit]
+    source: str, columns: Mapping[str, np.ndarray], marks: Marks, units: Mapping[str, Unit]
 ) -> tuple[dict[str, np.ndarray], list[Note]]:
     """Columns of text as numbers if all but a few words among them, such as `OL`, are numbers; and notes on these.
 
@@ -163,10 +163,11 @@ def without_words(
             rows_of_words.append(np.flatnonzero(words))
     if len(rows_of_words) > 1 and len(rows_of_words) == sum(values.dtype != object for values in found.values()):
         for row in reduce(np.intersect1d, rows_of_words):
-            cells = {str(columns[name][row]) for name in found if columns[name].dtype == object}
-            if len(cells) >= len(rows_of_words):
+            cells = {str(columns[name][row]): name for name in found if columns[name].dtype == object}
+            is_same = all(cell == name.partition(" [")[0] for cell, name in cells.items())
+            if len(cells) >= len(rows_of_words) and not is_same:
                 raise InputError(
-                    f"another header ({', '.join(sorted(cells))}) stands below {counted(int(row), 'row')}: another "
+                    f"{source}: another header ({', '.join(cells)}) stands below {counted(int(row), 'row')}: another "
                     "table; split the file there"
                 )
     return found, notes

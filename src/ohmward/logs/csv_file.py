@@ -84,10 +84,7 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
-    try:
-        joined, of_words = without_words(joined, layout.marks, layout.units)
-    except InputError as error:
-        raise InputError(f"{path.name}: {error}") from None
+    joined, of_words = without_words(path.name, joined, layout.marks, layout.units)
     return Table(path.name, joined, np.concatenate(lines), "line", (*notes, *of_words))
 
 

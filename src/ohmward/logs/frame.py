@@ -245,7 +245,7 @@ def open_parquet(path: Path, hints: FileHints) -> TableFile:
             raise InputError(f"{path.name}: the Parquet file is damaged ({error}); write it again") from error
         if not rows:
             raise InputError(f"{path.name}: the file has columns but no rows; a log needs samples")
-        return Table(path.name, columns, row_numbers(1, rows), "row")
+        return Table(path.name, with_decimal_commas(columns), row_numbers(1, rows), "row")
 
     return TableFile(path.name, stored, load, hints=hints)
 

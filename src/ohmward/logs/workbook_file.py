@@ -261,7 +261,7 @@ def _table_file(source: str, sheets: Sequence[_Sheet], hints: FileHints, notes: 
     data = [(sheet.name, row) for sheet in sheets for row in sheet.rows[sheet.header.first :] if any(row)]
     cells = {name: [row[k] if k < len(row) else "" for _, row in data] for k, name in enumerate(unique) if name}
     columns = with_decimal_commas({name: parse_cells(of_name, Marks()) for name, of_name in cells.items()})
-    columns, of_words = without_words(columns, Marks(), {})
+    columns, of_words = without_words(source, columns, Marks(), {})
     if len(sheets) > 1:
         columns |= {"sheet": np.array([name for name, _ in data], object)}
     head = {name: tuple(of_name[:100]) for name, of_name in cells.items()}
