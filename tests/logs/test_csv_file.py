@@ -157,6 +157,15 @@ def test_a_last_line_cut_by_a_power_failure_is_dropped_and_noted(write_text, tai
     assert [str(note) for note in table.notes] == ["warning: the last line (5) is cut off: dropped"]
 
 
+@pytest.mark.parametrize(("last", "rows"), [("7,13.", 7), ("7,1", 7), ("7,13.25", 8), ("7,13.2\n", 8), ("7", 7)])
+@pytest.mark.parametrize("worth", [0, 1 << 20])
+def test_a_last_number_with_fewer_decimals_than_all_others_is_cut_off(write_text, monkeypatch, last, rows, worth):
+    monkeypatch.setattr("ohmward.logs.csv_file.WORTH_BYTES", worth)
+    text = "time_s,voltage_V\n" + "".join(f"{k},13.{k}5\n" for k in range(7)) + last
+    assert load(write_text(text)).line.size == rows
+    assert load(write_text(text.replace(".", ".0"))).line.size == rows
+
+
 def test_zeros_that_a_power_failure_left_in_a_line_cost_that_line(write_text):
     """The end of the line before them and the beginning of the line after them stand in one line."""
     rows = [f"{k},1.0,{12 + 0.1 * k:.1f}" for k in range(5)]
@@ -175,6 +184,7 @@ def test_zeros_that_a_power_failure_left_in_a_line_cost_that_line(write_text):
         ("time_s,current_A,voltage_V\n", "no rows below it"),
         ("0,1,12\n1,1,12\n", r"no header line: the first row is numbers \('0,1,12'\)"),
         ("time_s\n1\n2\n", "only one column found"),
+        ("t," + "1," * 40 + "\nu," + "2," * 40 + "\ni," + "3," * 40, "a quantity in each line .*exchange its rows"),
         ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
         ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
         ("a,b,c\n" + "1,2,3\n" * 29 + "b,a,c\n" + "1,2,3\n" * 9, r"another header \(b, a, c\) stands below 29 rows"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import re
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,12 +17,23 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.cells import is_data, is_value, parse_cells, without_words
-from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, is_cut, known_table, lines_of, open_text
+from ohmward.logs.csv_layout import (
+    CsvLayout,
+    bytes_read,
+    find_layout,
+    is_cut,
+    known_table,
+    lines_of,
+    open_text,
+    split_cells,
+)
 from ohmward.logs.frame import import_arrow, numbers_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
 
 _PARSED_ROWS = 50_000
+#: The end of a file that shows whether its last number is whole: its bytes, its lines, and the fewest of them.
+_LAST_BYTES, _LAST_LINES, _FEWEST_LINES = 1 << 12, 50, 6
 #: Smallest share of lines of text among the rows at which these are no table.
 _MOST_REMARKS = 0.5
 
@@ -69,7 +81,8 @@ def readable(path: Path) -> Iterator[None]:
 
 def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | None) -> Table:
     if layout.plain and (plain := read_numbers(path, layout, names, progress)) is not None:
-        return Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
+        table = Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
+        return _without_cut_number(path, layout, table)
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     lines: list[np.ndarray] = []
     notes: list[Note] = []
@@ -85,7 +98,23 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
     joined, of_words = without_words(path.name, joined, layout.marks, layout.units)
-    return Table(path.name, joined, np.concatenate(lines), "line", (*notes, *of_words))
+    table = Table(path.name, joined, np.concatenate(lines), "line", (*notes, *of_words))
+    return _without_cut_number(path, layout, table)
+
+
+def _without_cut_number(path: Path, layout: CsvLayout, table: Table) -> Table:
+    """The table without its last row if the file ends in it, with fewer decimals than all of the lines before."""
+    with path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - _LAST_BYTES, 0))
+        lines = re.split("[\r\n]+", stream.read().decode("latin-1"))[-_LAST_LINES:]
+    rows = [split_cells(layout.split(line) if layout.split else line, layout.delimiter) for line in lines[1:]]
+    if len(rows) < _FEWEST_LINES or any(len(row) != len(layout.names) for row in rows):
+        return table
+    *usual, last = [len(row[-1].partition("," if layout.marks.decimal_comma else ".")[2]) for row in rows]
+    if last >= usual[0] or len(set(usual)) > 1:
+        return table
+    note = Note(f"the last line ({table.line[-1]}) is cut off: dropped", "warning")
+    return table.pick(np.arange(table.line.size - 1)).with_notes(note)
 
 
 def _blocks(
