@@ -21,6 +21,10 @@ BY_ROW = {name: dict(zip("012", values, strict=True)) for name, values in COLUMN
         {"robot": {"name": "mower", "wheels": [1, 2, 3]}, "samples": ROWS},
         {"data": {"rate_hz": 1, "samples": ROWS}},
         {"schema": {"fields": [{"name": "time_s", "type": "number"}, {"name": "current_A"}]}, "data": ROWS},
+        [
+            {"time": t, "current": f"{1e3 * i:g} mA", "voltage": f"{u} V"}
+            for t, i, u in zip(*COLUMNS.values(), strict=True)
+        ],
         {**BY_ROW, "robot": "mower"},
         {**BY_ROW, "robot": {"name": "mower"}},
         [None, *ROWS, "end"],

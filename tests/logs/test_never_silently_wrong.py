@@ -75,11 +75,14 @@ def test_seconds_that_may_be_milliseconds_are_doubted(write_text, interval, doub
     assert not any(text in note.text for note in read_log(write_text(log_text(lambda t: interval * t)), units=S).notes)
 
 
-@pytest.mark.parametrize(("interval", "refused"), [(0.02, False), (1.0, False), (20.0, True), (50.0, True)])
-def test_wheels_sampled_every_twenty_seconds_ask_for_the_unit(write_text, interval, refused):
-    path = write_text("time,left_wheel_speed_rad_s\n" + "\n".join(f"{interval * k:g},1.5" for k in range(100)))
-    if refused:
-        with pytest.raises(InputError, match=rf"a drive with a sample every {interval:g} s; say its unit"):
+@pytest.mark.parametrize(
+    ("interval", "unit"),
+    [(0.02, ""), (1e-3, ""), (1.0, ""), (20.0, "ms"), (50.0, "ms"), (1 / 1200, "min"), (1e-5, "h")],
+)
+def test_intervals_that_no_drive_has_ask_for_the_unit(write_text, interval, unit):
+    path = write_text("time,left_wheel_speed_rad_s\n" + "\n".join(f"{interval * k:.7g},1.5" for k in range(100)))
+    if unit:
+        with pytest.raises(InputError, match=rf"a drive with a sample every {interval:.3g} s; .*--unit time={unit} "):
             read_drive(path, ("left",), 1)
     else:
         assert read_drive(path, ("left",), 1).time_s[1] == pytest.approx(interval)

@@ -427,6 +427,13 @@ def test_a_time_in_parts_is_joined(write_text, pulses, head, form, dated):
     assert log.start_unix_s == (begin.timestamp() if dated else None)
 
 
+def test_a_folder_with_a_file_for_each_quantity_says_so(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,current_A\n0,1\n1,1\n")
+    (tmp_path / "b.csv").write_text("time_s,voltage_V\n0,3.7\n1,3.7\n")
+    with pytest.raises(InputError, match="join them by their times in one table"):
+        read_log(tmp_path)
+
+
 def test_a_folder_whose_files_are_not_one_log_names_the_file_and_what_takes_several(tmp_path):
     (tmp_path / "a.csv").write_text("time_s,current_A,voltage_V\n0,1,3.7\n1,1,3.7\n")
     (tmp_path / "b.csv").write_text("")

@@ -35,6 +35,11 @@ def test_elapsed_times_are_seconds_also_beyond_a_day(tmp_path):
     assert log.time_s[0] in (0.0, beyond_s)
 
 
+def test_units_may_stand_in_the_cells(tmp_path):
+    rows = [(t, f"{i} A", f"{u} V") for t, i, u in ROWS]
+    assert_read(read_log(saved(tmp_path, [NAMES, *rows]), current_sign="charge"))
+
+
 def test_a_summary_below_the_rows_is_left_out_with_a_warning(tmp_path):
     rows = [NAMES, *ROWS, [], ("mean", "", 12.4)]
     log = read_log(saved(tmp_path, rows), current_sign="charge")

@@ -150,8 +150,7 @@ _MOST_AT_ONCE = 0.05
 _FLOWS = 0.05
 _POWER = word_set("power p leistung watts active vermogen 功率 電力 전력")
 _POWERS = words_of(*_POWER)
-_CURRENT, _POWER_COLUMN = "pack current [A]", "battery power [W]"
-_CURRENT_OF_POWER = "pack current"
+_CURRENT, _POWER_COLUMN = "pack current", "battery power"
 #: A current without a sign gets that of the power if the ratio of their sizes varies by less than this share, and if
 #: this share of the samples, in which there is more than the last share of the largest current, flows each way.
 _SAME_RATIO, _EACH_WAY, _FLOWING = 0.25, 0.01, 0.05
@@ -170,8 +169,9 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
             continue
         if len(names) == len(both) and not _has(file, CURRENT, columns, names):
             less = partial(_difference, quantity=quantity, names=names, default=unit)
-            if not all(unit_in_name(name, (unit.dimension,)) for name in names):
-                column = next(split_unit(column))[0]  # without the unit in its name the size is checked
+            # without the unit in its name the size of the current is checked
+            if all(unit_in_name(name, (unit.dimension,)) for name in names):
+                column = f"{column} [{unit.symbol}]"
             return file.with_column(column, names, less)._replace(positive_current="charge")
     return file
 
@@ -226,8 +226,7 @@ def with_power(
         np.divide(power_W, voltage_V, out=current_A, where=voltage_V > 0.0)
         return current_A, Note(f"current: {power!r} over {voltage.name!r}")
 
-    # without the unit in its name the size of the current is checked
-    return file.with_column(_CURRENT if unit else _CURRENT_OF_POWER, (power, voltage.name), over)
+    return file.with_column(f"{_CURRENT} [A]" if unit else _CURRENT, (power, voltage.name), over)
 
 
 def power_column(file: TableFile) -> str | None:

@@ -188,6 +188,22 @@ def with_decimal_commas(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
     return {**columns, **{name: parse_cells(values.tolist(), marks) for name, values in texts.items()}}
 
 
+def with_units_of_cells(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns (T,), those of numbers with units, `15.3 V`, as numbers, with the unit in their names."""
+    found = {}
+    for name, values in columns.items():
+        unit = unit_in_cells(values[:_FIRST_CELLS]) if values.dtype == object else None
+        numbers = parse_cells(values.tolist(), Marks(), unit) if unit else values
+        found[name if numbers.dtype == object else with_unit_of_cells(name, unit)] = numbers
+    return found
+
+
+def with_unit_of_cells(name: str, unit: Unit | None) -> str:
+    """The name with the unit found in its cells, unless it has one."""
+    silent = unit is None or unit.dimension == "share" or any(found for _, found in split_unit(name))
+    return name if silent or unit is None else f"{name} [{unit.symbol}]"
+
+
 def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
     text = cell.translate(_SIGNS)
     if text.strip().lower() in MISSING:

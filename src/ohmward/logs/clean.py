@@ -462,6 +462,8 @@ SHORTEST_INTERVAL_S, SHORTEST_DRIVE_S = 1e-3, 5e-4
 #: out because cameras use them.
 _IN_MINUTES_S = (1 / 720, 1 / 360, 1 / 180, 1 / 60, 1 / 12, 1 / 6)
 _ALIKE = 0.004
+#: The same of drives: 10, 20 and 50 Hz.
+_DRIVES_IN_MINUTES_S = (1 / 600, 1 / 1200, 1 / 3000)
 #: From this interval on people choose multiples of half a minute; other intervals are milliseconds or microseconds.
 CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
 #: Longest sampling interval of wheels: slower sampling shows no slip.
@@ -530,16 +532,17 @@ def require_voltage(table: Table, voltage: Column, current: Column) -> None:
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
     """Refuse a drive with an implausible interval if the unit of its time is a guess; see `require_plausible`."""
     interval = usual_interval_s(time_s) if guessed and time_s.size > 1 else SLOWEST_DRIVE_S
-    if not SHORTEST_DRIVE_S <= interval <= SLOWEST_DRIVE_S:
+    in_minutes = any(abs(interval - other) < _ALIKE * other for other in _DRIVES_IN_MINUTES_S)
+    if in_minutes or not SHORTEST_DRIVE_S <= interval <= SLOWEST_DRIVE_S:
         raise InputError(
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
-            f"{_advice(interval)}"
+            f"{_advice(interval, min(_DRIVES_IN_MINUTES_S) / 2)}"
         )
 
 
-def _advice(interval_s: float) -> str:
+def _advice(interval_s: float, shortest_s: float = SHORTEST_INTERVAL_S) -> str:
     """Advice to give the unit of a time with this interval if read as seconds, the likeliest unit first."""
-    first = "ms" if interval_s > 1.0 else "min" if interval_s >= SHORTEST_INTERVAL_S else "h"
+    first = "ms" if interval_s > 1.0 else "min" if interval_s >= shortest_s else "h"
     others = ", ".join(unit for unit in _UNITS if unit != first)
     return f"say its unit with --unit time={first} (units={{'time': '{first}'}}), {others}, or, if it is right, time=s"
 

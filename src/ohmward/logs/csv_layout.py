@@ -22,14 +22,16 @@ from ohmward.logs.cells import (
     find_header,
     find_marks,
     is_data,
+    is_value,
     unit_in_cells,
+    with_unit_of_cells,
 )
 from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.columns import unique_names
 from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import counted
-from ohmward.logs.units import Unit, split_unit
+from ohmward.logs.units import Unit
 
 #: Byte-order marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
 _MARKS = (
@@ -156,6 +158,8 @@ _BLOCK_LINES = 5_000
 _ARROW = " -> "
 #: Delimiters take precedence over spaces, which occur in dates and names, if they divide this share of the rows.
 _MOSTLY = 0.5
+#: Lines with more cells, each of which begins with a name, are the columns of a table.
+_MOST_QUANTITIES = 30
 #: Cells of each column from which its notation is found.
 _HEAD_ROWS = 200
 
@@ -415,6 +419,8 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
         names = cells if len(cells) == width else names
     if names is None:
         excerpt = found.delimiter.join(row)[:60]
+        if width > _MOST_QUANTITIES and not any(is_value(row[0]) for row in found.rows):
+            raise InputError(f"{path.name}: a quantity in each line ({excerpt!r}); exchange its rows and columns")
         raise InputError(
             f"{path.name}: no header line: the first row is numbers ({excerpt!r}); name its {width} columns in their "
             "order with --names time_s,current_A,voltage_V,... (FileHints(names=[...])), or put such a line above it"
@@ -443,19 +449,13 @@ def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]])
             "without marks between thousands"
         )
     units = {name: unit for name, cells in zip(layout.names, columns, strict=True) if (unit := unit_in_cells(cells))}
-    named = {name: _named(name, units.get(name)) for name in layout.names}
+    named = {name: with_unit_of_cells(name, units.get(name)) for name in layout.names}
     return layout._replace(
         names=tuple(named[name] for name in layout.names),
         marks=marks,
         units={named[name]: unit for name, unit in units.items()},
         head={named[name]: tuple(cells) for name, cells in zip(layout.names, columns, strict=True) if name},
     )
-
-
-def _named(name: str, unit: Unit | None) -> str:
-    """The name with the unit found in its cells, unless it has one."""
-    silent = unit is None or unit.dimension == "share" or any(found for _, found in split_unit(name))
-    return name if silent or unit is None else f"{name} [{unit.symbol}]"
 
 
 def _leading(header: Header, rows: Sequence[Sequence[str]]) -> int:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.cells import with_units_of_cells
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import HEAD_BYTES, FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, row_numbers
@@ -96,6 +97,7 @@ def open_objects(path: Path, hints: FileHints) -> TableFile:
         content = rows_of_blocks(text) if are_blocks(head) else _content(path.name, text)
     try:
         columns, notes = _columns(path.name, content)
+        columns = with_units_of_cells(columns)
     except RecursionError:
         raise InputError(f"{path.name}: hundreds of objects within each other, as in no log; export a table") from None
     rows = row_numbers(1, len(next(iter(columns.values()))))

@@ -24,7 +24,7 @@ from ohmward.logs.bags.bag_table import MAGICS, is_recording, open_bag
 from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, read_clock
-from ohmward.logs.columns import Column, fraction_column, listed, other_times
+from ohmward.logs.columns import Column, fraction_column, has_log, listed, other_times
 from ohmward.logs.csv_file import open_csv, readable
 from ohmward.logs.csv_layout import GZIP_MAGIC, UNPACKED_BYTES, UNPACKED_TIMES, LimitedGzip
 from ohmward.logs.frame import is_frame, open_frame, open_parquet
@@ -153,10 +153,10 @@ def _open_folder(folder: Path, hints: FileHints) -> TableFile:
             if other := sorted(set(file.names) ^ set(files[0].names)):
                 raise InputError(f"{file.source} has other columns than {files[0].source} ({listed(other)})")
     except InputError as error:
-        raise InputError(
-            f"{folder}: the files of this folder are not one log: {error}. Name one log file, or all of them "
-            f"({folder / '*'}), or give the folder to `ohmward fleet`"
-        ) from None
+        fix = f"Name one log file, or all of them ({folder / '*'}), or give the folder to `ohmward fleet`"
+        if files and not any(has_log(file.names) for file in files):
+            fix = "If they hold the quantities of one log, join them by their times in one table, a column for each"
+        raise InputError(f"{folder}: the files of this folder are not one log: {error}. {fix}") from None
     name = folder.resolve().name
     first = files[0]
 

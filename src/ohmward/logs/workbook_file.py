@@ -22,6 +22,7 @@ from ohmward.logs.cells import (
     find_header,
     parse_cells,
     with_decimal_commas,
+    with_units_of_cells,
     without_words,
 )
 from ohmward.logs.columns import has_log, listed, unique_names
@@ -261,7 +262,7 @@ def _table_file(source: str, sheets: Sequence[_Sheet], hints: FileHints, notes: 
     data = [(sheet.name, row) for sheet in sheets for row in sheet.rows[sheet.header.first :] if any(row)]
     cells = {name: [row[k] if k < len(row) else "" for _, row in data] for k, name in enumerate(unique) if name}
     columns = with_decimal_commas({name: parse_cells(of_name, Marks()) for name, of_name in cells.items()})
-    columns, of_words = without_words(source, columns, Marks(), {})
+    columns, of_words = without_words(source, with_units_of_cells(columns), Marks(), {})
     if len(sheets) > 1:
         columns |= {"sheet": np.array([name for name, _ in data], object)}
     head = {name: tuple(of_name[:100]) for name, of_name in cells.items()}
