@@ -163,11 +163,11 @@ def without_words(
             rows_of_words.append(np.flatnonzero(words))
     if len(rows_of_words) > 1 and len(rows_of_words) == sum(values.dtype != object for values in found.values()):
         for row in reduce(np.intersect1d, rows_of_words):
-            cells = {str(columns[name][row]): name for name in found if columns[name].dtype == object}
-            is_same = all(cell == name.partition(" [")[0] for cell, name in cells.items())
-            if len(cells) >= len(rows_of_words) and not is_same:
+            header = {str(columns[name][row]): name for name in found if columns[name].dtype == object}
+            is_same = all(cell == name.partition(" [")[0] for cell, name in header.items())
+            if len(header) >= len(rows_of_words) and not is_same:
                 raise InputError(
-                    f"{source}: another header ({', '.join(cells)}) stands below {counted(int(row), 'row')}: another "
+                    f"{source}: another header ({', '.join(header)}) stands below {counted(int(row), 'row')}: another "
                     "table; split the file there"
                 )
     return found, notes

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,15 +59,15 @@ def as_wide(file: TableFile) -> TableFile:
         mine = select_rows(table, chosen)
         _require_one_instance(mine, columns, [name for name in labels if name not in chosen])
         rows = opened(mine)
-        label = {name: mine.columns[name][0] for name in chosen}
-        for name, value in label.items():  # for those who select rows by it again
-            note = Note(f"{name} = {value} throughout")
-            rows = rows.with_column(
-                name, (), lambda wide, value=value, note=note: (np.full(wide.line.size, value), note)
-            )
+        for name in chosen:  # for those who select rows by it again
+            rows = rows.with_column(name, (), partial(_throughout, name, mine.columns[name][0]))
         return rows
 
     return opened(table)._replace(choose=part)
+
+
+def _throughout(name: str, value: Any, wide: Table) -> tuple[np.ndarray, Note]:
+    return np.full(wide.line.size, value), Note(f"{name} = {value} throughout")
 
 
 def _require_one_instance(table: Table, columns: LongColumns, labels: Sequence[str]) -> None:
@@ -125,7 +126,7 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         of_name = names == name
         column = np.full(time_s.size, np.nan)
         column[row[of_name]] = values[of_name]
-        lost += np.count_nonzero(np.abs(column[row[of_name]] - values[of_name]) > 0.0)
+        lost += int(np.count_nonzero(np.abs(column[row[of_name]] - values[of_name]) > 0.0))
         if np.isfinite(column).any():
             wide[name] = held(column) if columns.holds else column
     until = ", each of which holds until the next" if columns.holds else ""
