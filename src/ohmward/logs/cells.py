@@ -313,8 +313,8 @@ def is_data(row: Row) -> bool:
 def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     """The header of a block of values.
 
-    Above the block may stand rows of units and text that is no header. The values begin below the first row with these
-    names, also if a note or another header interrupts them.
+    Above the block may stand rows of units and text that is no header. The values begin below the first row with more
+    than half of these names, also if a note or another header interrupts them.
     """
     above = [at for at in range(block.first) if _may_be_header(rows[at], block.width)]
     of_units = [at for at in above if _is_unit_row(rows[at])]
@@ -322,17 +322,18 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     last = next((at for at in reversed(above) if at not in has_names_above), None)
     if last is None:
         return Header((), None, block.first)
-    names = [name.strip() for name in rows[last]]
-    first_same = next(at for at in above if [name.strip() for name in rows[at]] == names)
-    units = rows[last + 1] if last + 1 in of_units else None
-    layered = rows[first_same - 1] if first_same - 1 in above else None
+    words = {at: {name.strip() for name in rows[at]} for at in above}
+    first_alike = next(at for at in above if 2 * len(words[at] & words[last]) > len(words[last]))
+    names = [name.strip() for name in rows[first_alike]]
+    units = rows[first_alike + 1] if first_alike + 1 in of_units else None
+    layered = rows[first_alike - 1] if first_alike - 1 in above else None
     names, timezone = _with_groups(names, layered)
     if units is not None:
         names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
-    first = next((at for at in range(first_same + 1, len(rows)) if is_data(rows[at])), first_same + 1)
+    first = next((at for at in range(first_alike + 1, len(rows)) if is_data(rows[at])), first_alike + 1)
     # a header may name a remark that the rows do not have
     remark = len(names) == block.width + 1 and (not names[-1] or names[-1].lower() == "comment")
-    return Header(tuple(names[: block.width] if remark else names), first_same, first, timezone)
+    return Header(tuple(names[: block.width] if remark else names), first_alike, first, timezone)
 
 
 def _may_be_header(row: Row, width: int) -> bool:

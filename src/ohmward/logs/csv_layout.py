@@ -21,7 +21,6 @@ from ohmward.logs.cells import (
     find_block,
     find_header,
     find_marks,
-    is_data,
     is_value,
     unit_in_cells,
     with_unit_of_cells,
@@ -30,7 +29,6 @@ from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.columns import unique_names
 from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import counted
 from ohmward.logs.units import Unit
 
 #: Byte-order marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
@@ -408,7 +406,6 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
         return Header(tuple(hints.names), None, found.block.first)
     header = find_header(found.rows, found.block)
     if header.row is not None:
-        _require_no_rows_above(path, found.rows[: header.row], found.rows[header.row])
         return header
     row = found.rows[found.block.first]
     names = names_without_header(row)
@@ -426,16 +423,6 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
             "order with --names time_s,current_A,voltage_V,... (FileHints(names=[...])), or put such a line above it"
         )
     return Header(tuple(names), None, found.block.first)
-
-
-def _require_no_rows_above(path: Path, above: Sequence[Sequence[str]], header: Sequence[str]) -> None:
-    """Refuse a second header, above which rows of values stand below a first one with more than half of its names."""
-    first = next((at for at, row in enumerate(above) if 2 * len(set(row) & set(header)) > len(header)), len(above))
-    if rows := sum(map(is_data, above[first:])):
-        raise InputError(
-            f"{path.name}: another header ({', '.join(header)}) stands below {counted(rows, 'row')}: another table; "
-            "split the file there"
-        )
 
 
 def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]]) -> CsvLayout:

@@ -155,7 +155,7 @@ def _open_folder(folder: Path, hints: FileHints) -> TableFile:
     except InputError as error:
         fix = f"Name one log file, or all of them ({folder / '*'}), or give the folder to `ohmward fleet`"
         if files and not any(has_log(file.names) for file in files):
-            fix = "If they hold the quantities of one log, join them by their times in one table, a column for each"
+            fix += ". If they hold the quantities of one log, join them by their times in one table, a column for each"
         raise InputError(f"{folder}: the files of this folder are not one log: {error}. {fix}") from None
     name = folder.resolve().name
     first = files[0]
