@@ -167,11 +167,15 @@ def test_robots_in_a_long_table_are_told_apart_by_a_label(write_text):
     np.testing.assert_array_equal(read_log(path, where={"robot": "r2"}).current_A, 2 * LOG.current_A)
 
 
-def test_values_that_a_long_table_has_twice_are_counted(write_text):
-    text = long_table() + f"{LOG.time_s[7]},voltage,13.9,\n"
-    assert any(
-        "1 value of a name that has another at the same time" in str(n) for n in read_log(write_text(text)).notes
-    )
+@pytest.mark.parametrize("times", [1, 3])
+def test_values_that_a_long_table_has_twice_are_counted(write_text, times):
+    """Also where a column numbers the rows, which are of one robot."""
+    rows = [f"{t},voltage,{13.9 + k / 10:.1f}," for t in LOG.time_s for k in range(1, times)]
+    text = long_table() + "\n".join([*rows, f"{LOG.time_s[7]},voltage,15.9,", ""])
+    numbered = [f"{line.rpartition(',')[0]},{k}" for k, line in enumerate(text.splitlines()[1:])]
+    log = read_log(write_text("\n".join(["time,name,value,id", *numbered, ""])), current_sign="charge")
+    lost = f"{(times - 1) * len(LOG.time_s) + 1} value"
+    assert any(lost in str(note) and "that has another at the same time" in str(note) for note in log.notes)
 
 
 def test_one_time_for_all_rows_is_no_clock(write_text):

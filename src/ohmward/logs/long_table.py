@@ -16,8 +16,8 @@ from ohmward.logs.selection import select_rows
 from ohmward.logs.table import Note, Table, TableFile, counted, file_of, held, row_numbers
 
 _TIME = "time"
-#: Most labels that an error lists.
-_MOST_NAMED = 8
+#: Most batteries or robots in one table: a column of more values numbers its rows.
+_MOST_INSTANCES = 16
 
 
 class LongColumns(NamedTuple):
@@ -72,18 +72,22 @@ def _throughout(name: str, value: Any, wide: Table) -> tuple[np.ndarray, Note]:
 
 def _require_one_instance(table: Table, columns: LongColumns, labels: Sequence[str]) -> None:
     """Refuse values of several batteries or robots that have the same names, with the label that tells them apart."""
-    series = np.char.add(table.columns[columns.name].astype(str), table.columns[columns.time].astype(str))
 
-    def repeated(keys: np.ndarray) -> float:
-        return 1.0 - np.unique(keys).size / max(keys.size, 1)
+    def with_codes(series: np.ndarray, name: str) -> np.ndarray:
+        values = table.columns[name]
+        distinct, code = np.unique(values.astype(str) if values.dtype == object else values, return_inverse=True)
+        return series * distinct.size + code
 
-    if repeated(series) <= _MOST_REPEATED:
+    def is_repeated(series: np.ndarray) -> bool:
+        return np.unique(series).size < (1.0 - _MOST_REPEATED) * series.size
+
+    series = with_codes(with_codes(np.zeros(table.line.size, int), columns.time), columns.name)
+    if not labels or not is_repeated(series):
         return
-    texts = {name: table.columns[name].astype(str) for name in labels}
-    for name, text in sorted(texts.items(), key=lambda label: np.unique(label[1]).size):
-        values = list(dict.fromkeys(text.tolist()))
-        if len(values) > 1 and repeated(np.char.add(series, text)) <= _MOST_REPEATED:
-            options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values[:_MOST_NAMED])
+    texts = {name: list(dict.fromkeys(map(str, table.columns[name]))) for name in labels}
+    for name, values in sorted(texts.items(), key=lambda label: len(label[1])):
+        if 1 < len(values) <= _MOST_INSTANCES and not is_repeated(with_codes(series, name)):
+            options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)
             raise InputError(
                 f"{table.source}: values of one name and time are of several batteries or robots; they differ in "
                 f"{name!r}; choose one with {options} (where={{{name!r}: {values[0]!r}}})"
