@@ -409,6 +409,18 @@ def test_without_wheels_the_band_grows_as_an_unseen_acceleration_makes_it():
     assert e.pose_cov[-1, 0, 0] ** 0.5 == pytest.approx(0.25 * 6.0**2, rel=0.05)
 
 
+@pytest.mark.parametrize("wheels_s", [0.0, 2.0], ids=["never a wheel", "wheels until 2 s"])
+def test_without_wheels_an_outside_speed_gives_the_way(wheels_s):
+    rng = np.random.default_rng(1)
+    time_s = DT_S * np.arange(3000)
+    speeds = np.where(time_s[:, None] < wheels_s, rolling(0.5, 0.0, len(time_s)), math.nan)
+    speed_m_s = np.where(np.arange(len(time_s)) % 10 == 0, 0.5 + 0.1 * rng.standard_normal(len(time_s)), math.nan)
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=speeds, yaw_rate_rad_s=0.0 * time_s, speed_m_s=speed_m_s))
+    assert int(e.flags[-1]) == OdometryFlag.NO_WHEELS
+    assert e.distance_m[-1] == pytest.approx(0.5 * time_s[-1], rel=0.03)
+    assert e.twist_cov[-1, 0, 0] ** 0.5 < 0.2
+
+
 def test_glitches_of_an_encoder_move_nothing():
     steps = 500
     clean = rolling(0.5, 0.0, steps)

@@ -78,7 +78,7 @@ LEAST_TURN_GRIP = 0.5
 FREE_SHARE = 0.7
 
 #: Channels whose usual interval is learnt.
-WHEELS, GYRO, OBSERVER, PASSIVE = range(4)
+WHEELS, GYRO, OBSERVER, PASSIVE, OUTSIDE = range(5)
 
 
 #: Largest values of an observer.
@@ -114,32 +114,43 @@ class MotionState(NamedTuple):
     encoder: CountOfEncoder  #: count, as far as the steps have shown it
     usual_turn_rad_s: Any  #: recent average of the yaw rate by the driven wheels
     dragged_s: Any  #: time for which they have stood while the gyro turned: the robot slides, or is lifted
-    observed: Observed  #: of the speed observer
-    intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
+    observed: Observed  #: of the speed observer, or of an outside speed in place of the wheels
+    intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER`, `PASSIVE` and `OUTSIDE`
 
 
 class Sources(NamedTuple):
-    """Conditions that the last values of the sensors hold, in the order of `WHEELS`, `GYRO`, `OBSERVER`, `PASSIVE`."""
+    """Conditions that the last values of the sensors hold, in the order of their channels, `WHEELS` to `OUTSIDE`."""
 
     driven: Any  #: wheels
     gyro: Any
-    observer: Any  #: of the speed
+    estimated: Any  #: by a speed observer
     free: Any  #: wheels that are not driven
+    outside: Any  #: an outside speed in place of wheels
 
     @property
     def speed_known(self) -> Scalar:
-        """The condition that one of them shows the speed."""
-        return self.driven | self.free | self.observer
+        """The condition that wheels or a speed observer show the speed."""
+        return self.driven | self.free | self.estimated
+
+    @property
+    def by_outside(self) -> Scalar:
+        """The condition that nothing but an outside speed shows it."""
+        return self.outside & logical_not(self.speed_known)
+
+    @property
+    def observed(self) -> Scalar:
+        """The condition that the speed is observed, and not measured by wheels."""
+        return self.estimated | self.by_outside
 
     @property
     def driven_alone(self) -> Scalar:
         """The condition that only the driven wheels can give the motion."""
-        return logical_not(self.observer | self.free)
+        return logical_not(self.observed | self.free)
 
     @property
     def turn_observed(self) -> Scalar:
-        """The condition that the observer gives the turn."""
-        return self.observer & logical_not(self.gyro)
+        """The condition that a speed observer gives the turn."""
+        return self.estimated & logical_not(self.gyro)
 
 
 class MeasuredMotion(NamedTuple):
@@ -180,7 +191,7 @@ def no_motion(robot: Robot, late_steps: int) -> MotionState:
         0.0,
         0.0,
         Observed(0.0, 0.0, 0.0, 0.0, 0.0),
-        never(4),
+        never(5),
     )
 
 
@@ -228,13 +239,26 @@ def with_silent_wheels(
     return clean._replace(wheel_speed_rad_s=np.array(speeds), wheel_measured=np.array(known)), silent
 
 
+def in_place_of_wheels(
+    clean: CleanSample, before: MotionState, robot: Robot, noise: OdometryNoise
+) -> tuple[CleanSample, Observed]:
+    """The sample, and the motion by an outside speed where no wheel shows one any more; that speed is then used up."""
+    held = holds(before.intervals)
+    rolls = some([every(clean.wheel_measured[: robot.driven]), held[WHEELS], held[PASSIVE]])
+    speed_m_s = where(rolls, np.nan, clean.speed_m_s)
+    std_m_s = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, noise.speed_std_m_s)
+    left = clean._replace(speed_m_s=where(rolls, clean.speed_m_s, np.nan))
+    return left, Observed(speed_m_s, std_m_s, left_m_s=0.0, scale=0.0)
+
+
 def sense(
-    before: MotionState, clean: CleanSample, silent: Scalar, new: Observed, robot: Robot
+    before: MotionState, clean: CleanSample, silent: Scalar, new: Observed, outside: Observed, robot: Robot
 ) -> tuple[MotionState, Scalar]:
     """The state with the sample's values, and the condition that wheels have jumped.
 
     silent: the condition that wheels have the speed that others and the gyro give them.
     new: of a speed observer.
+    outside: of an outside speed `in_place_of_wheels`.
     """
     speed_rad_s, dt_s = clean.wheel_speed_rad_s[: robot.driven], clean.dt_s
     passive_rad_s = clean.wheel_speed_rad_s[passive_wheels(robot)]
@@ -249,11 +273,14 @@ def sense(
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
     free = passive_rolled(before, clean, robot)
     turned = isfinite(clean.yaw_rate_rad_s)
+    given = isfinite(outside.speed_m_s)
+    new = choose(given, outside, new)
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
     observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
     latest = [
         where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
     ]
+    seen = np.array([rolled, turned, observed & logical_not(given), free, given])
     after = before._replace(
         wheel_speed_rad_s=where(taken, speed_rad_s, before.wheel_speed_rad_s),
         wheel_age_s=where(taken, 0.0, before.wheel_age_s + dt_s),
@@ -262,7 +289,7 @@ def sense(
         turned_rad=turned_rad,
         encoder=encoder,
         observed=Observed(*latest),
-        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
+        intervals=advance(before.intervals, seen, dt_s),
     )
     return after, jump
 
@@ -346,9 +373,9 @@ def show(
     dragged_s = where(dragged, now.dragged_s + dt_s, 0.0)
     # Wheels slip in any turn of the robot: one that turns on while they stand drags them.
     turn_rad_s = where(sources.gyro & (abs(turning.rad_s) > abs(rolled[2])), turning.rad_s, rolled[2])
-    spins = sources.observer & (now.observed.grip <= LEAST_TURN_GRIP)
+    spins = sources.observed & (now.observed.grip <= LEAST_TURN_GRIP)
     slips = some([jump, speed.named, is_held, spins])
-    by_observer = np.array([sources.observer, sources.observer, sources.turn_observed])
+    by_observer = np.array([sources.observed, sources.observed, sources.turn_observed])
     observed = np.array([now.observed.speed_m_s, now.observed.left_m_s, now.observed.yaw_rate_rad_s])
     straight_std_m_s = hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s)
     u = MotionInput(
@@ -356,13 +383,13 @@ def show(
         motion=where(by_observer, observed, rolled),
         way=where(by_observer, observed * dt_s, way),
         motion_std=motion_std(now.observed, sources, is_held, along_m_s, turn_rad_s, robot, noise),
-        scale=where(sources.observer, now.observed.scale, where(sources.free, FREE_SHARE, 1.0)),
+        scale=where(sources.observed, now.observed.scale, where(sources.free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
         by_gyro=sources.gyro,
         comparable=sources.gyro & (sources.free | sources.driven & logical_not(slips)),
         count_rad=turn_per_slip(robot) * counted_m,
-        unobserved_s=unobserved(now.intervals, sources, clean, dragged_s),
+        unobserved_s=unobserved(now.intervals, sources, clean, dragged_s, robot),
         usual_turn_rad_s=now.usual_turn_rad_s,
         straight_std_rad_s=turn_per_slip(robot) * straight_std_m_s,
         turn_scale=x[TURN_SCALE],
@@ -373,7 +400,7 @@ def show(
     usual_turn_rad_s = now.usual_turn_rad_s + (rolled[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
     return MeasuredMotion(
         input=u,
-        white_variance=white_variance(u, sources.observer, count_m_s, counted, robot),
+        white_variance=white_variance(u, sources.observed, count_m_s, counted, robot),
         rims_m_s=rims_m_s,
         rim_m=sum(abs(rims_m_s)) / robot.driven * dt_s,
         sensors=compared._replace(
@@ -451,7 +478,7 @@ def motion_std(
     if noise.forward_arm_std_m:
         rolls_m_s = hypot(rolls_m_s, noise.forward_arm_std_m * yaw_rate_rad_s)
     speed_std_m_s = where(is_held, ROCKS_M_S, rolls_m_s)
-    speed_std_m_s = where(sources.observer, observed.speed_std_m_s, speed_std_m_s)
+    speed_std_m_s = where(sources.observed, observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
     return np.array(
         [
@@ -513,16 +540,21 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unobserved(intervals: Intervals, sources: Sources, clean: CleanSample, dragged_s: Scalar) -> np.ndarray:
+def unobserved(
+    intervals: Intervals, sources: Sources, clean: CleanSample, dragged_s: Scalar, robot: Robot
+) -> np.ndarray:
     """Time (3,) [s] since each motion was last observed, at most since the start.
 
-    Wheels that have stood for `dragged_s` while the gyro turned show no motion of the body. A gyro with missed samples
-    gives the yaw rate at both ends of the gap: half of the gap counts as unobserved.
+    Wheels that have stood for `dragged_s` while the gyro turned show no motion of the body. An outside speed shows that
+    of its time, and with it the sideways one of a robot that cannot roll sideways. A gyro with missed samples gives the
+    yaw rate at both ends of the gap: half of the gap counts as unobserved.
     """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
     since_s = where(sources.speed_known, dragged_s, age_s - where(seen, 0.0, NEVER_S))
     missed = clean.gap & (clean.dt_s > (LOST + 1) * intervals.usual_s[GYRO])
-    return np.array([since_s, since_s, where(sources.gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
+    forward_s = where(sources.by_outside, intervals.age_s[OUTSIDE], since_s)
+    side_s = since_s if rim_matrix(robot)[1].any() else forward_s
+    return np.array([forward_s, side_s, where(sources.gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
 
 
 def hypot(a: Scalar, b: Scalar) -> Scalar:

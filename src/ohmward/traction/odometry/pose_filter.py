@@ -68,6 +68,7 @@ from ohmward.traction.odometry.measured_motion import (
     MotionState,
     OffsetWalk,
     gyro_noise_of_sheet,
+    in_place_of_wheels,
     learn_gyro_noise,
     learn_offset_walk,
     no_motion,
@@ -230,7 +231,8 @@ class PoseFilter:
         reverses = turn.some_reversed & logical_not(state.turn.some_reversed)
         before = choose(reverses, with_lost_way(before, turn, agreed), before)
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
-        sensors, jump = sense(state.motion, clean, silent, sample.observed, self.robot)
+        clean, outside = in_place_of_wheels(clean, state.motion, self.robot, self.noise)
+        sensors, jump = sense(state.motion, clean, silent, sample.observed, outside, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
         gyro = self.estimate_gyro_noise(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)

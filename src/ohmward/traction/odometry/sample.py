@@ -81,7 +81,7 @@ class OdometryFlag(SampleFlag):
 
     BAD_TIME = 1  #: dt_s is negative, too long or not a number; taken as 0
     GAP = 2  #: a long step; the motion at its end is used for all of it
-    NO_WHEELS = 4  #: no speed measurement any more: the last one is held, and the band grows
+    NO_WHEELS = 4  #: no speed of the wheels any more: the last one is held, or an outside one, and the band grows
     NO_GYRO = 8  #: the gyro has stopped or clips, is mirrored or of another unit or axis: the wheels turn it
     WHEEL_JUMP = 16  #: a wheel changed its speed faster than any robot can; not used
     TURN_REJECTED = 32  #: gyro and wheels disagree beyond their sigmas: a wheel that slips, or a gyro that failed
