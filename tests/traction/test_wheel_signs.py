@@ -69,3 +69,10 @@ def test_speeds_with_signs_and_those_of_a_robot_that_never_drives_back_stay_as_t
     assert with_wheel_signs(RLMA, log) is log
     assert with_wheel_signs(RLMA, mirrored) is mirrored
     assert with_wheel_signs(RLMA, ahead) is ahead
+
+
+def test_noise_of_a_speed_from_outside_takes_no_signs():
+    log = unsigned(replace(drive(RLMA), yaw_rate_rad_s=None))
+    noise_m_s = 0.5 * np.random.default_rng(0).standard_normal(TIME.size)
+    noisy = replace(log, speed_m_s=np.abs(SPEED_M_S) + noise_m_s)
+    assert with_wheel_signs(RLMA, noisy) is noisy

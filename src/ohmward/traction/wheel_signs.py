@@ -31,6 +31,9 @@ CONTRADICTION = 0.1
 #: there of at least this share of the other's, the other has lost its sign.
 FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
+#: Median difference of that speed and the wheels', times which it is below them where it is not negative by its noise.
+NOISE_TIMES = 6.0
+
 #: Standard deviations of a turn and of a speed by the wheels: beside `LEAST_RAD_S` and `TURNS_M_S` this share of them.
 #: Largest squared sigmas that count.
 MOTION_SHARE, MOST_SQUARE = 0.2, 25.0
@@ -75,7 +78,9 @@ def lost_signs(robot: Robot, log: DriveLog) -> LostSigns | None:
     if sides is None or (np.nan_to_num(speed) < -WHEEL_TURNS_RAD_S).any():
         return None
     outside, wheels = speed_and_wheels_m_s(robot, log)
-    back = outside < -TURNS_M_S
+    apart_m_s, back = wheels - outside, outside < -TURNS_M_S
+    noise_m_s = 0.0 if back.all() else float(np.median(np.abs(apart_m_s[~back])))
+    back &= apart_m_s > NOISE_TIMES * noise_m_s
     if back.sum() >= FEWEST_BACK and np.median(wheels[back]) > SIZE_SHARE * np.median(-outside[back]):
         return LostSigns("the speed from outside is negative", int(back.sum()))
     if log.yaw_rate_rad_s is None:
