@@ -266,13 +266,14 @@ def test_a_speed_without_a_sign_gets_that_of_the_wheels(every, std_m_s, age_s):
     assert "never negative while the wheels turn back" in signed.notes[-1].text
 
 
-@pytest.mark.parametrize("repeated", [1.0, 0.0])
-def test_a_speed_that_repeats_itself_while_the_wheels_change_theirs_is_left_out(repeated):
-    log = good()
+@pytest.mark.parametrize("repeated, gyro", [(1.0, False), (0.0, True), (0.0, False)])
+def test_a_speed_that_repeats_itself_while_the_wheels_change_theirs_is_left_out(repeated, gyro):
+    """At zero, only where a gyro shows that the robot turns with its wheels."""
+    log = good(RLMA, gyro=gyro)
     frozen = (TIME > 7.99) & (TIME < 14.0)
     speed = np.where(frozen, repeated * np.asarray(log.speed_m_s)[400], log.speed_m_s)
     left = np.asarray(mended(RLMA, replace(log, speed_m_s=speed)).speed_m_s)
-    np.testing.assert_array_equal(np.isnan(left), frozen & (repeated > 0.0))
+    np.testing.assert_array_equal(np.isnan(left), frozen & (gyro or repeated > 0.0))
 
 
 def test_a_speed_with_a_sign_or_of_wheels_that_only_turn_ahead_stays():

@@ -17,12 +17,13 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import from_to, long_runs
+from ohmward.runs import from_to, long_runs, runs
 from ohmward.signals.checks import beyond_limits, scales_of, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
 from ohmward.traction.motion.stuck_gyro import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
 from ohmward.traction.motion_check import FEWEST_VALUES, check_signs, check_units, motion_of
+from ohmward.traction.odometry import stuck_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     WHEEL_TURNS_RAD_S,
@@ -119,15 +120,15 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
 
 
 def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without a speed from outside that repeats itself, other than 0, while the wheels change theirs."""
-    speed, wheels = speed_and_wheels_m_s(robot, log)
-    if log.speed_m_s is None or not speed.size:
+    """The log without a speed from outside that is stuck, from its first doubtful value on."""
+    if log.speed_m_s is None:
         return log
     rows, dead = np.flatnonzero(np.isfinite(log.speed_m_s)), np.zeros(len(log), dtype=bool)
-    repeats = np.append(False, np.diff(speed) == 0.0) & (speed != 0.0)
-    for first, stop in long_runs(repeats, log.time_s[rows], ROBOT_STUCK_S, FEWEST_STUCK):
-        if np.ptp(wheels[first - 1 : stop]) > STUCK_SHARE * abs(speed[first]) + TURNS_M_S:
-            dead[rows[first - 1 : stop]] = True
+    doubted, is_stuck = (condition[rows] for condition in stuck_speed.watch_log(robot, log))
+    repeats = np.append(False, np.diff(log.speed_m_s[rows]) == 0.0)
+    for first, stop in runs(doubted):
+        if is_stuck[first:stop].any():
+            dead[rows[first - int(repeats[first]) : stop]] = True
     return _left_out(log, "speed_m_s", dead, "the speed from outside is ", "the wheels' speed")
 
 
@@ -352,6 +353,7 @@ def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that turn under a robot that stands, by a speed from outside, which may be infrequent."""
+    log = without_stuck_speed(robot, log)
     speed, wheels = speed_and_wheels_m_s(robot, log)
     if not speed.size:
         return

@@ -421,6 +421,19 @@ def test_without_wheels_an_outside_speed_gives_the_way(wheels_s):
     assert e.twist_cov[-1, 0, 0] ** 0.5 < 0.2
 
 
+@pytest.mark.parametrize("stuck_m_s, turns", [(0.0, True), (0.5, False)])
+def test_a_stuck_outside_speed_is_left_out_and_the_way_restored(stuck_m_s, turns):
+    time_s = DT_S * np.arange(3000)
+    speed_m_s, turn_rad_s = 0.5 + 0.3 * np.sin(time_s), 0.5 * np.sin(0.7 * time_s) * turns
+    speeds = (np.column_stack([speed_m_s, turn_rad_s]) @ RLMA.rolling[:2].T) / RLMA.wheel.radius_m
+    outside = np.where(np.arange(3000) % 10 == 0, np.where(time_s < 20.0, speed_m_s, stuck_m_s), math.nan)
+    given = samples(FILTER, wheel_speed_rad_s=speeds, yaw_rate_rad_s=turn_rad_s, speed_m_s=outside)
+    e, alone = run(FILTER, given), run(FILTER, given._replace(robot=given.robot._replace(speed_m_s=time_s * math.nan)))
+    assert e.distance_m[-1] > 0.85 * alone.distance_m[-1]
+    assert math.hypot(e.x_m[-1] - alone.x_m[-1], e.y_m[-1] - alone.y_m[-1]) < 0.4
+    assert (int(e.flags[2990]) & OdometryFlag.SPEED_REJECTED) and e.stuck_probability[-1] < 0.1
+
+
 def test_glitches_of_an_encoder_move_nothing():
     steps = 500
     clean = rolling(0.5, 0.0, steps)

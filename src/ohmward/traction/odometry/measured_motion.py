@@ -159,6 +159,7 @@ class MeasuredMotion(NamedTuple):
     input: MotionInput  #: of the model
     white_variance: np.ndarray  #: (3,) of the twist, by quantisation and by the gyro's noise over one step
     rims_m_s: np.ndarray  #: (driven,) speeds of the rims
+    rim_forward_m_s: Scalar  #: forward speed by the wheels that roll, whether or not the robot is held
     rim_m: Scalar  #: distance covered by the driven rims in any direction, their mean
     sensors: MotionState  #: after the step
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
@@ -402,6 +403,7 @@ def show(
         input=u,
         white_variance=white_variance(u, sources.observed, count_m_s, counted, robot),
         rims_m_s=rims_m_s,
+        rim_forward_m_s=(1.0 - noise.creep) * speed.forward_m_s,
         rim_m=sum(abs(rims_m_s)) / robot.driven * dt_s,
         sensors=compared._replace(
             modes=modes,

@@ -21,7 +21,7 @@ from ohmward.filters.sanitize import every, some
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
+from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, Held
 from ohmward.traction.motion.sample import (
     ENTRY_S,
     FIRST_INTERVAL_S,
@@ -87,6 +87,7 @@ from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
     SLIP,
+    SPEED_ERROR,
     TURN_SCALE,
     UNOBSERVED,
     YAW,
@@ -104,6 +105,7 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.stuck_speed import SpeedWatch, watch_speed, without_stuck_speed
 from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
 
@@ -140,6 +142,9 @@ class PoseState(NamedTuple):
     distance_m: Any = 0.0  #: length of the path
     #: (2, 2) standard deviations [m] of x and y by the yaw error beyond its share in `belief`, along the way and across
     nonlinear_m: np.ndarray = np.zeros((2, 2))
+    speed_watch: SpeedWatch = SpeedWatch()  #: of whether the outside speed is stuck
+    #: (2,) distance in x and y [m] by the wheels beyond that of the pose since it may be
+    held_back_m: np.ndarray = np.zeros(2)
     turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
     agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk = OffsetWalk()  #: of the gyro
@@ -220,6 +225,8 @@ class PoseFilter:
         clean = without_stuck_gyro(clean, watch)
         turn = watch_turn(state.turn, clean, state.watch.wheel_age_s + clean.dt_s, self.robot)
         clean = without_wrong(clean, turn, self.robot)
+        speed_watch = watch_speed(state.speed_watch, clean, state.watch.wheel_age_s + clean.dt_s, self.robot)
+        clean = without_stuck_speed(clean, speed_watch)
         found = watch.stuck & logical_not(state.watch.stuck)
         before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         returns = state.watch.suspected & logical_not(some([state.watch.stuck, watch.suspected]))
@@ -230,6 +237,9 @@ class PoseFilter:
         before = choose(wrong, with_turn_of_wheels(before, turn, agreed, self.noise), before)
         reverses = turn.some_reversed & logical_not(state.turn.some_reversed)
         before = choose(reverses, with_lost_way(before, turn, agreed), before)
+        freed = speed_watch.stuck & logical_not(state.speed_watch.stuck)
+        before = choose(freed, moved_on(before, state.held_back_m), before)
+        state = state._replace(motion=choose(freed, state.motion._replace(held=Held()), state.motion))
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         clean, outside = in_place_of_wheels(clean, state.motion, self.robot, self.noise)
         sensors, jump = sense(state.motion, clean, silent, sample.observed, outside, self.robot)
@@ -268,6 +278,9 @@ class PoseFilter:
         body = body._replace(belief=belief)
         distance_m = state.distance_m + travelled(belief, motion.input)
         nonlinear_m = state.nonlinear_m + by_nonlinearity(before, reckoned)
+        behind_m = (motion.rim_forward_m_s - twist(belief.mean, motion.input)[0]) * clean.dt_s
+        yaw = yaw_now(belief.mean, motion.input)
+        held_back_m = where(speed_watch.doubted, state.held_back_m + behind_m * np.array([cos(yaw), sin(yaw)]), 0.0)
         slides = motion.sensors.held.slides
         overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
         suspected = watch.suspected & logical_not(watch.stuck)
@@ -282,8 +295,8 @@ class PoseFilter:
         after = PoseState(
             pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
             where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
-            motion.input.motion_std[0], distance_m, nonlinear_m, turn, agreed, offset_walk,
-            curvature_std_1_m,
+            motion.input.motion_std[0], distance_m, nonlinear_m, speed_watch, held_back_m, turn,
+            agreed, offset_walk, curvature_std_1_m,
         )  # fmt: skip
         return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
 
@@ -433,6 +446,13 @@ def with_turn_of_wheels(belief: Belief, watch: TurnWatch, agreed: Agreed, noise:
     variance = {X: across[0], Y: across[1], YAW: watch.turned_rad**2 * by_scale}
     added = [np.array([of.get(i, 0.0) for i in range(len(NAMES))]) for of in (mean, variance)]
     return Belief(first.mean + added[0], first.cov + np.diag(added[1]))
+
+
+def moved_on(belief: Belief, way_m: np.ndarray) -> Belief:
+    """The belief after a stuck outside speed, which has held it back by this distance (2,), known to a third of it."""
+    free = forget(forget(belief, SLIP, 1.0), SPEED_ERROR, 1.0)
+    way = np.array([*way_m, *[0.0] * (len(NAMES) - 2)])
+    return Belief(free.mean + way, free.cov + np.outer(way, way) / 9.0)
 
 
 def with_lost_way(belief: Belief, watch: TurnWatch, agreed: Agreed) -> Belief:
