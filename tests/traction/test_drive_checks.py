@@ -86,6 +86,15 @@ def test_a_gyro_without_noise_is_not_dead_while_wheels_spin_or_turn_evenly():
     assert mended(RLMA, even) is even
 
 
+def test_an_encoder_that_counts_as_many_in_every_step_at_a_steady_speed_is_not_stuck():
+    """22 counts in each for as long as it takes the other, with 22 or 23, to make half a turn."""
+    counts = np.column_stack([np.full(TIME.size, 22.0), 22.0 + np.arange(TIME.size) % 2])
+    counts[: TIME.size // 2] += np.round(5.0 * np.sin(TIME[: TIME.size // 2]))[:, None]
+    wheels = np.column_stack([counts * 2.0 * np.pi / 2048 / 0.02, np.full((TIME.size, 2), np.nan)])
+    log = replace(good(), wheel_speed_rad_s=wheels, yaw_rate_rad_s=None, speed_m_s=None)
+    assert not any("stuck" in text for text in texts(RLMA, log))
+
+
 def test_an_encoder_that_never_turns_is_unplugged_but_a_wheel_may_stand():
     dead = changed(good(gyro=False), "wheel_speed_rad_s", 2, np.zeros_like)
     assert any("encoder of rear left is at 0 rad/s, stuck" in text for text in texts(RLMA, dead))

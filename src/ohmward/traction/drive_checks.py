@@ -44,6 +44,8 @@ SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
 #: A robot that spins on the spot turns its sides equally fast; one with a mirrored side drives curves too, in which the
 #: speeds of the sides differ by more than this share of their sum in that share of the samples.
 UNLIKE, UNLIKE_SHARE = 0.1, 0.1
+#: Number of counts from which another wheel changes its speed: one more or less comes and goes at a steady speed.
+MORE_THAN_ONE = 1.5
 #: Number of times that another wheel changes its speed by as much while an encoder repeats its own to the last digit.
 FEWEST_JUMPS = 3
 
@@ -176,7 +178,10 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
-        change = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0)
+        changes = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1])))
+        count = np.min(changes, axis=0, where=changes > 0.0, initial=np.inf)
+        count = np.where(np.count_nonzero(changes, axis=0) >= FEWEST_VALUES, count, 0.0)
+        change = np.where(changes > MORE_THAN_ONE * count, changes, 0.0).max(axis=1, initial=0.0)
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > STOPPED.moves_rad_s
         for first, stop in long_runs(same, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
