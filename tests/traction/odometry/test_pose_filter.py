@@ -434,6 +434,17 @@ def test_a_stuck_outside_speed_is_left_out_and_the_way_restored(stuck_m_s, turns
     assert (int(e.flags[2990]) & OdometryFlag.SPEED_REJECTED) and e.stuck_probability[-1] < 0.1
 
 
+def test_the_way_that_mecanum_rollers_lose_sideways_is_lost_back_again():
+    robot, steps = generic_robot(9.0, 0.05, 0.3, layout="mecanum"), 1000
+    left_m_s = np.where(np.arange(2 * steps) < steps, 0.5, -0.5)
+    speeds = np.column_stack([0.0 * left_m_s, left_m_s, 0.0 * left_m_s]) @ robot.rolling.T / robot.wheel.radius_m
+    settings = pose_filter(robot)
+    e = run(settings, samples(settings, wheel_speed_rad_s=speeds, yaw_rate_rad_s=0.0 * left_m_s))
+    y_std_m = np.sqrt(e.pose_cov[:, 1, 1])
+    assert y_std_m[steps - 1] == pytest.approx(settings.noise.roller_slip_std * 0.5 * steps * DT_S, rel=0.15)
+    assert y_std_m[-1] < 0.5 * y_std_m[steps - 1]
+
+
 def test_glitches_of_an_encoder_move_nothing():
     steps = 500
     clean = rolling(0.5, 0.0, steps)

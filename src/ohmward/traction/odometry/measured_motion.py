@@ -379,11 +379,12 @@ def show(
     by_observer = np.array([sources.observed, sources.observed, sources.turn_observed])
     observed = np.array([now.observed.speed_m_s, now.observed.left_m_s, now.observed.yaw_rate_rad_s])
     straight_std_m_s = hypot(counted_m / USUAL_TURN_S, noise.wheel_difference_std * along_m_s)
+    motion = where(by_observer, observed, rolled)
     u = MotionInput(
         dt_s=dt_s,
-        motion=where(by_observer, observed, rolled),
+        motion=motion,
         way=where(by_observer, observed * dt_s, way),
-        motion_std=motion_std(now.observed, sources, is_held, along_m_s, turn_rad_s, robot, noise),
+        motion_std=motion_std(now.observed, sources, is_held, along_m_s, motion[1], turn_rad_s, robot, noise),
         scale=where(sources.observed, now.observed.scale, where(sources.free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
@@ -471,6 +472,7 @@ def motion_std(
     sources: Sources,
     is_held: Scalar,
     rim_m_s: Scalar,
+    left_m_s: Scalar,
     yaw_rate_rad_s: Scalar,
     robot: Robot,
     noise: OdometryNoise,
@@ -485,7 +487,7 @@ def motion_std(
     return np.array(
         [
             speed_std_m_s,
-            side_std(speed_std_m_s, rim_m_s, yaw_rate_rad_s, robot, noise),
+            side_std(speed_std_m_s, rim_m_s, left_m_s, yaw_rate_rad_s, robot, noise),
             where(sources.turn_observed, observed.yaw_rate_std_rad_s, by_wheels),
         ]
     )
@@ -536,10 +538,18 @@ def turn_std(rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryN
     return where(in_turns < -apart, -1.0, 1.0) * hypot(apart, in_turns)
 
 
-def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [m/s] of the sideways speed: from side slip, and from driven slip if wheels roll sideways."""
+def side_std(
+    speed_std_m_s: Scalar, rim_m_s: Scalar, left_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise
+) -> Scalar:
+    """Standard deviation [m/s] of the sideways speed: from side slip, and from driven slip if wheels roll sideways.
+
+    Rollers lose their share to both sides, so the sign is that of the sideways speed.
+    """
     side = hypot(noise.side_slip_share * rim_m_s, noise.side_arm_std_m * turn_rad_s)
-    return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
+    side = hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
+    if not noise.roller_slip_std:
+        return side
+    return where(left_m_s < 0.0, -1.0, 1.0) * hypot(side, noise.roller_slip_std * left_m_s)
 
 
 def unobserved(

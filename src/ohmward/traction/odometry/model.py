@@ -37,7 +37,7 @@ from ohmward.filters.linear_algebra import std
 from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
-from ohmward.traction.robot.chassis import SkidSteer, Steered
+from ohmward.traction.robot.chassis import Mecanum, SkidSteer, Steered
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 
@@ -77,6 +77,8 @@ class OdometryNoise:
     side_slip_share: float = 0.003  #: sideways speed over the speed
     #: sideways speed over the yaw rate [m], by a centre of rotation away from that of the robot file
     side_arm_std_m: float = 0.005
+    #: share of the sideways speed that rollers at 45 degrees lose or gain: it lasts, as rollers and floor do
+    roller_slip_std: float = 0.0
     forward_arm_std_m: float = 0.0  #: forward speed over the yaw rate that the wheels show [m], likewise
     correlation_s: float = 2.0  #: time constant of the slip errors [s], > 0
     turn_correlation_s: float = 10.0  #: time constant of the yaw rate errors [s], > 0
@@ -124,6 +126,10 @@ SCRUBBING = OdometryNoise(
 )
 
 
+#: Standard deviation of the share by which a robot on mecanum wheels moves sideways by more or less than these show, as
+#: its rollers slip, an assumption without data of our own; and time [s] for which that lasts.
+ROLLER_SLIP_STD, ROLLER_SLIP_LASTS_S = 0.07, 100.0
+
 #: Standard deviation of the share by which a robot of known effective track scrubs: it was found on one floor.
 KNOWN_SCRUB_STD = 0.1
 
@@ -140,6 +146,8 @@ def noise_of(robot: Robot) -> OdometryNoise:
         if chassis.effective_track_m is not None:
             scrub = 1.0 - chassis.track_m / chassis.effective_track_m
             noise = replace(noise, scrub=scrub, turn_scale_std=KNOWN_SCRUB_STD)
+    elif isinstance(chassis, Mecanum):
+        noise = replace(noise, roller_slip_std=ROLLER_SLIP_STD)
     elif isinstance(chassis, Steered):
         # An error of the steering angle changes the speeds of the rear wheels as unequal radii do.
         apart_per_rad = chassis.track_m / chassis.wheelbase_m / math.sqrt(2.0)
@@ -207,7 +215,7 @@ class MotionInput(NamedTuple):
     dt_s: Scalar  #: step [s]
     motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], from the wheels or an observer
     way: np.ndarray  #: (3,) displacement over the step [m, m, rad] from these
-    #: (3,) standard deviations of its correlated errors; that of the turn negative where its errors follow a right turn
+    #: (3,) standard deviations of its correlated errors; negative where they follow a motion or a turn to the right
     motion_std: np.ndarray
     scale: Scalar  #: share of the radius's standard deviation contained in its speed
     gyro_rad_s: Scalar  #: yaw rate of the gyro
@@ -305,7 +313,8 @@ def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
     """
     sigmas = u.slip_sigmas / GROSS_SLIP
     lasts_s = noise.correlation_s * clip(sigmas * sigmas, 1.0, GROSS_LASTS)
-    forward, side = exp(-u.dt_s / lasts_s), exp(-u.dt_s / noise.correlation_s)
+    side_lasts_s = ROLLER_SLIP_LASTS_S if noise.roller_slip_std else noise.correlation_s
+    forward, side = exp(-u.dt_s / lasts_s), exp(-u.dt_s / side_lasts_s)
     turn, speed = (exp(-u.dt_s / lasts_s) for lasts_s in (noise.turn_correlation_s, noise.speed_correlation_s))
     return np.array([forward, side, turn, speed])
 
