@@ -179,6 +179,16 @@ def test_a_current_of_the_wrong_sign():
     assert "motor of front left brakes all the way" in text
 
 
+@pytest.mark.parametrize("gyro", [True, False])
+def test_a_current_of_the_wrong_sign_is_read_with_the_other_where_a_gyro_confirms_the_encoders(gyro):
+    log = good(gyro=gyro)
+    push_A = 1.0 + (0.1 * np.cos(TIME)[:, None] + np.array([-1.0, 1.0]) * 0.06 * np.cos(0.7 * TIME)[:, None]) / 0.12
+    log = replace(log, motor_current_A=push_A)
+    mirrored = changed(log, "motor_current_A", 0, np.negative)
+    assert mended(RLMA, log).motor_current_A is log.motor_current_A
+    np.testing.assert_array_equal(mended(RLMA, mirrored).motor_current_A, (log if gyro else mirrored).motor_current_A)
+
+
 def slowing(speed_m_s, current_A):
     """A drive straight ahead with these speeds (T,), both motors with this current (T,)."""
     rng = np.random.default_rng(1)

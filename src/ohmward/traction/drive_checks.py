@@ -17,12 +17,19 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import from_to, long_runs, runs
+from ohmward.runs import from_to, long_runs, runs, window_starts
 from ohmward.signals.checks import beyond_limits, scales_of, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
 from ohmward.traction.motion.stuck_gyro import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
-from ohmward.traction.motion_check import FEWEST_VALUES, check_signs, check_units, motion_of
+from ohmward.traction.motion_check import (
+    FEWEST_VALUES,
+    MOST_FASTER,
+    check_signs,
+    check_units,
+    faster_than_gyro,
+    motion_of,
+)
 from ohmward.traction.odometry import stuck_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
@@ -51,6 +58,9 @@ FEWEST_JUMPS = 3
 
 #: A motor only brakes if its currents in the direction of its wheel add up to less than this share of their sizes.
 BRAKES = -0.3
+
+#: Correlation of a motor's current with its wheel's acceleration, over this time [s], below which its sign is wrong.
+OPPOSES, AVERAGED_S = -0.5, 0.5
 
 #: Largest energy that a motor with the right sign takes, over what the robot gives up while it brakes: mass and torque
 #: constant of a robot file may be wrong.
@@ -95,8 +105,45 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without yaw rates and speeds that are stuck, and with the signs of wheel speeds and of that speed."""
-    return with_signed_speed(robot, without_stuck_speed(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log))))
+    """The log without yaw rates and speeds that are stuck, and the signs of wheel speeds, currents and that speed."""
+    log = with_current_signs(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
+    return with_signed_speed(robot, without_stuck_speed(robot, log))
+
+
+def with_current_signs(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log with the other sign of motor currents that certainly have the wrong one; otherwise unchanged.
+
+    They only brake, and are the more negative the more their wheels accelerate, while the gyro shows the turn that the
+    wheels make, so that it is not the encoders that count the other way.
+    """
+    motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
+    if not 1.0 / MOST_FASTER < faster_than_gyro(robot, motion) < MOST_FASTER:
+        return log
+    wrong = [k for k in braking_motors(robot, log) if _accelerates(log, k) < OPPOSES]
+    if not wrong:
+        return log
+    signs = np.where(np.isin(np.arange(robot.driven), wrong), -1.0, 1.0)
+    names = " and ".join(_names(robot)[k] for k in wrong)
+    note = Note(f"the motor current of {names} is read with the other sign, as gyro and wheels agree", "warning")
+    return replace(log, motor_current_A=signs * log.motor_current_A, notes=(*log.notes, note))
+
+
+def braking_motors(robot: Robot, log: DriveLog) -> list[int]:
+    """Driven wheels whose motors brake all the way, by their currents."""
+    pitch_rad = np.zeros(len(log)) if log.pitch_rad is None else log.pitch_rad
+    values = zip(log.wheel_speed_rad_s.T, log.motor_current_A.T, strict=False)
+    return [k for k, of_one in enumerate(values) if only_brakes(robot, log.time_s, *of_one, pitch_rad)]
+
+
+def _accelerates(log: DriveLog, k: int) -> float:
+    """Correlation of a motor's current with the acceleration of its wheel, both averaged; nan where one is constant."""
+    speed, current = log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k]
+    rows = np.isfinite(speed) & np.isfinite(current)
+    time_s, speed, current = log.time_s[rows], speed[rows], current[rows]
+    starts = window_starts(time_s, AVERAGED_S, time_s[0])
+    mean_A = np.add.reduceat(current, starts)[:-1] / np.diff(starts)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float(np.corrcoef(mean_A, np.diff(speed[starts]) / np.diff(time_s[starts]))[0, 1])
 
 
 def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
@@ -296,10 +343,8 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
-    pitch_rad = np.zeros(len(log)) if log.pitch_rad is None else log.pitch_rad
-    for k, name in enumerate(_names(robot)[: robot.driven]):
-        if only_brakes(robot, log.time_s, log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k], pitch_rad):
-            yield brakes_all_the_way(f"the motor of {name}", "change the sign in the file")
+    for k in braking_motors(robot, log):
+        yield brakes_all_the_way(f"the motor of {_names(robot)[k]}", "change the sign in the file")
 
 
 def brakes_all_the_way(which: str, fix: str) -> str:
