@@ -147,6 +147,18 @@ def test_wheels_that_turn_on_a_robot_that_does_not_are_reported_within_two_secon
     assert not blind.immobilised.any() and has(blind, SlipFlag.GROUND_CHANGED).any()
 
 
+def test_an_outside_speed_of_zero_is_stuck_where_the_robot_turns_with_its_wheels():
+    steps = 1000
+    rim_rad_s = OMEGA * np.minimum(1.0, np.arange(steps) / 100)
+    turn_rad_s = 0.12 * 0.2 * rim_rad_s / 0.3
+    outside = np.full(steps, np.nan)
+    outside[::10] = np.where(np.arange(steps) < 300, 0.12 * rim_rad_s, 0.0)[::10]
+    samples = log(rim_rad_s, current(steps), speed_m_s=outside, yaw_rate_rad_s=turn_rad_s)
+    samples.wheel_speed_rad_s[:, :2] *= [0.9, 1.1]
+    e = watch(samples, speed_std_m_s=0.05, gyro_std_rad_s=0.01)
+    assert not e.immobilised[-100:].any() and e.speed_m_s[-100:] == pytest.approx(0.5, abs=0.03)
+
+
 def test_standstill_is_zero_speed_whatever_was_believed():
     samples = cruise(600)
     samples.wheel_speed_rad_s[300:, :2] = 0.0

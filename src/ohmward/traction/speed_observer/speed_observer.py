@@ -38,7 +38,7 @@ from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, TURNS_M_S, receive, weigh_held
+from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, TURNS_M_S, Held, receive, weigh_held
 from ohmward.traction.motion.sample import (
     LEAST_DIVISOR,
     CleanSample,
@@ -58,6 +58,7 @@ from ohmward.traction.motion.sample import (
     was_seen,
 )
 from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
+from ohmward.traction.odometry.stuck_speed import SpeedWatch, watch_speed, without_stuck_speed
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
@@ -115,6 +116,7 @@ class ObserverState(NamedTuple):
     current_intervals: Intervals  #: of the motor currents, each (driven,)
     encoder_intervals: Intervals  #: of the encoders, each (wheels,)
     gyro: GyroWatch  #: whether it is stuck
+    speed_watch: SpeedWatch  #: whether the outside speed is
     lag_rad_s: np.ndarray  #: (wheels,) lag of the model's wheel speed since each encoder's last value
     free: FreeWheels  #: the wheels as their motors alone would turn them
     history: History  #: recent predicted changes of the speed, for speeds that arrive late
@@ -138,6 +140,7 @@ def started(
         current_intervals=before.current_intervals if before else never(n),
         encoder_intervals=before.encoder_intervals if before else never(wheels),
         gyro=before.gyro if before else GyroWatch(),
+        speed_watch=before.speed_watch if before else SpeedWatch(),
         lag_rad_s=np.zeros(wheels),
         free=FreeWheels(belief.mean[model.layout.wheel(0) : model.layout.robot_states], np.zeros(n)),
         history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
@@ -149,6 +152,16 @@ def started(
         else SpeedEvidence(),
         unobserved_s=0.0,
         stuck_s=0.0,
+    )
+
+
+def without_stuck_speeds(clean: CleanSample, state: ObserverState, robot: Robot) -> tuple[CleanSample, ObserverState]:
+    """The sample without the outside speed of a stuck source, and the state, which it no longer holds once it is."""
+    watch = watch_speed(state.speed_watch, clean, state.gyro.wheel_age_s + clean.dt_s, robot)
+    freed = watch.stuck & logical_not(state.speed_watch.stuck)
+    held = choose(freed, Held(), state.evidence.held)
+    return without_stuck_speed(clean, watch), state._replace(
+        speed_watch=watch, evidence=state.evidence._replace(held=held)
     )
 
 
@@ -274,6 +287,8 @@ class SpeedObserver:
         clean = sanitize(sample, self.gap_s)
         gyro = watch_gyro(state.gyro, clean, self.scene.robot)
         clean = without_stuck_gyro(clean, gyro)
+        if self.model.noise.speed_std_m_s is not None:
+            clean, state = without_stuck_speeds(clean, state, self.scene.robot)
         before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)
         clean = without_impossible_currents(clean, before, self.model)
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
