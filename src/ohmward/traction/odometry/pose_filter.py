@@ -104,7 +104,7 @@ from ohmward.traction.odometry.model import (
     yaw_now,
 )
 from ohmward.traction.odometry.modes import lever_m
-from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.odometry.stuck_speed import SpeedWatch, watch_speed, without_stuck_speed
 from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
@@ -124,31 +124,37 @@ class Agreed(NamedTuple):
     turn_scale_variance: Any = 0.0
 
 
+class Watches(NamedTuple):
+    """Watches of the sensors for faults."""
+
+    gyro: GyroWatch  #: of whether it is stuck
+    encoders: EncoderWatch  #: of whether they have stopped
+    turn: TurnWatch  #: of a wrong gyro, and of encoders that count the other way
+    speed: SpeedWatch  #: of whether the outside speed is stuck
+
+
 class PoseState(NamedTuple):
     """State from sample to sample: plain numbers."""
 
     belief: PackedBelief  #: packed, of `model.NAMES`
     motion: MotionState  #: last values of the sensors
     gyro: GyroNoise  #: its noise as learnt so far
-    watch: GyroWatch  #: of whether it is stuck
-    encoders: EncoderWatch  #: of whether they have stopped
+    watches: Watches  #: of the sensors
     sums: TurnSums  #: angles of gyro and wheels since they were last compared
     trail: Trail  #: the last steps, for pose increments
-    heading: HeadingTimes  #: times of headings
-    overrun: Overrun  #: distance beyond that of the outside speeds
+    agreed: Agreed  #: yaw and scale of the turn when wheels and gyro last agreed
+    offset_walk: OffsetWalk  #: of the gyro
+    curvature_std_1_m: Any  #: of the curvature by unlike wheels, as far as they have shown it
+    heading: HeadingTimes = HeadingTimes()  #: times of headings
+    overrun: Overrun = Overrun()  #: distance beyond that of the outside speeds
     unconfirmed: Unconfirmed = Unconfirmed()  #: change of the rims' speed that these have not confirmed
     changed_yaw_rad: Any = 0.0  #: yaw at the gyro's last change
     slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in that step
     distance_m: Any = 0.0  #: length of the path
     #: (2, 2) standard deviations [m] of x and y by the yaw error beyond its share in `belief`, along the way and across
     nonlinear_m: np.ndarray = np.zeros((2, 2))
-    speed_watch: SpeedWatch = SpeedWatch()  #: of whether the outside speed is stuck
-    #: (2,) distance in x and y [m] by the wheels beyond that of the pose since it may be
+    #: (2,) distance in x and y [m] by the wheels beyond that of the pose since the outside speed may be stuck
     held_back_m: np.ndarray = np.zeros(2)
-    turn: TurnWatch = TurnWatch(np.zeros(0))  #: of a wrong gyro, and of encoders that count the other way
-    agreed: Agreed = Agreed()  #: yaw and scale of the turn when wheels and gyro last agreed
-    offset_walk: OffsetWalk = OffsetWalk()  #: of the gyro
-    curvature_std_1_m: Any = 0.0  #: of the curvature by unlike wheels, as far as they have shown it
 
 
 class PoseStep(NamedTuple):
@@ -202,16 +208,17 @@ class PoseFilter:
         """State before the first sample: the origin of the frame `odom`."""
         counted_m = self.robot.wheel.radius_m * self.noise.encoder_std_rad / math.sqrt(2.0)
         belief = first_belief(self.noise, self.turn_per_slip, self.turn_per_slip * counted_m)
-        steps = self.late_steps
-        gyro = gyro_noise_of_sheet(self.noise.gyro_walk)
         return PoseState(
-            pack(belief), no_motion(self.robot, steps), gyro, GyroWatch(), watch_encoders(self.robot), TurnSums(),
-            empty_trail(steps), HeadingTimes(), Overrun(),
-            turn=watch_of_turn(self.robot),
+            belief=pack(belief),
+            motion=no_motion(self.robot, self.late_steps),
+            gyro=gyro_noise_of_sheet(self.noise.gyro_walk),
+            watches=Watches(GyroWatch(), watch_encoders(self.robot), watch_of_turn(self.robot), SpeedWatch()),
+            sums=TurnSums(),
+            trail=empty_trail(self.late_steps),
             agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
             offset_walk=OffsetWalk(offset_variance=belief.cov[OFFSET, OFFSET]),
             curvature_std_1_m=std_of(belief.cov[CURVATURE, CURVATURE]),
-        )  # fmt: skip
+        )
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample."""
@@ -220,85 +227,100 @@ class PoseFilter:
 
     def observe(self, state: PoseState, sample: OdometrySample) -> PoseStep:
         """Outcome of a step: dead reckoning, then each measurement corrects."""
-        clean, encoders = without_stopped(sanitize(sample.robot, self.gap_s), state.encoders, self.robot)
-        watch = watch_gyro(state.watch, clean, self.robot)
-        clean = without_stuck_gyro(clean, watch)
-        turn = watch_turn(state.turn, clean, state.watch.wheel_age_s + clean.dt_s, self.robot)
-        clean = without_wrong(clean, turn, self.robot)
-        speed_watch = watch_speed(state.speed_watch, clean, state.watch.wheel_age_s + clean.dt_s, self.robot)
-        clean = without_stuck_speed(clean, speed_watch)
-        found = watch.stuck & logical_not(state.watch.stuck)
-        before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
-        returns = state.watch.suspected & logical_not(some([state.watch.stuck, watch.suspected]))
-        before = choose(returns, with_unknown_turn(before, state.watch, state.changed_yaw_rad), before)
-        before = choose(newly(encoders.stopped, state.encoders.stopped), with_first_scale(before, self.noise), before)
-        agreed = when_agreed(state.agreed, before, state.turn)
-        wrong = turn.wrong & logical_not(state.turn.wrong)
-        before = choose(wrong, with_turn_of_wheels(before, turn, agreed, self.noise), before)
-        reverses = turn.some_reversed & logical_not(state.turn.some_reversed)
-        before = choose(reverses, with_lost_way(before, turn, agreed), before)
-        freed = speed_watch.stuck & logical_not(state.speed_watch.stuck)
+        clean, watches = watch_sensors(state.watches, sanitize(sample.robot, self.gap_s), self.robot)
+        state = self.with_found_faults(state, watches)
+        before = unpack(state.belief)
+        clean, motion, gyro = self.measure(state, clean, watches, sample.observed)
+        u, dt_s = motion.input, clean.dt_s
+        is_caught = motion.is_held & (state.motion.held.probability <= IS_HELD)
+        prior = self.prior(state, motion, is_caught)
+        reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), u)
+        trail = extend(state.trail, twist(before.mean, u), dt_s)
+        sums = add_turn(state.sums, u, motion.rim_m)
+        overrun_m = where(is_caught, 0.0, state.overrun.way_m)
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, trail, overrun_m)
+        body, heading = use_heading(body, sample, state.heading, u, self.noise, self.gate, self.reset_after_s)
+        walk_std = self.noise.gyro_offset_walk
+        offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, dt_s, walk_std)
+        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
+        slides = where(is_caught, 1.0, motion.sensors.held.slides)
+        after = PoseState(
+            belief=pack(belief),
+            motion=motion.sensors,
+            gyro=gyro,
+            watches=watches,
+            sums=sums,
+            trail=trail,
+            agreed=state.agreed,
+            offset_walk=offset_walk,
+            curvature_std_1_m=curvature_std_1_m,
+            heading=heading,
+            overrun=run_over(state.overrun, twist(reckoned.mean, u)[0], motion.outside, slides, dt_s),
+            unconfirmed=confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, dt_s),
+            changed_yaw_rad=where(watches.gyro.repeated > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
+            slip_std_m_s=u.motion_std[0],
+            distance_m=state.distance_m + travelled(belief, u),
+            nonlinear_m=state.nonlinear_m + by_nonlinearity(before, reckoned),
+            held_back_m=where(watches.speed.doubted, state.held_back_m + held_back(belief, motion, dt_s), 0.0),
+        )
+        missed = turn_missed(belief.mean, watches, state.changed_yaw_rad)
+        estimate = self.conclude(belief, motion, after, missed)
+        incidents = self.incidents(before, clean, motion, body._replace(belief=belief), watches)
+        return PoseStep(after, estimate, incidents, u.unobserved_s[0])
+
+    def with_found_faults(self, state: PoseState, watches: Watches) -> PoseState:
+        """The state before a sample, corrected for the faults of sensors that the sample has shown.
+
+        watches: after the sample.
+        """
+        was, noise = state.watches, self.noise
+        stuck = watches.gyro.stuck & logical_not(was.gyro.stuck)
+        before = with_missed_turn(unpack(state.belief), watches.gyro, stuck, state.changed_yaw_rad, noise)
+        returns = was.gyro.suspected & logical_not(some([was.gyro.stuck, watches.gyro.suspected]))
+        before = choose(returns, with_unknown_turn(before, was.gyro, state.changed_yaw_rad), before)
+        stopped = newly(watches.encoders.stopped, was.encoders.stopped)
+        before = choose(stopped, with_first_scale(before, noise), before)
+        agreed = when_agreed(state.agreed, before, was.turn)
+        wrong = watches.turn.wrong & logical_not(was.turn.wrong)
+        before = choose(wrong, with_turn_of_wheels(before, watches.turn, agreed, noise), before)
+        reverses = watches.turn.some_reversed & logical_not(was.turn.some_reversed)
+        before = choose(reverses, with_lost_way(before, watches.turn, agreed), before)
+        freed = watches.speed.stuck & logical_not(was.speed.stuck)
         before = choose(freed, moved_on(before, state.held_back_m), before)
-        state = state._replace(motion=choose(freed, state.motion._replace(held=Held()), state.motion))
+        motion = choose(freed, state.motion._replace(held=Held()), state.motion)
+        return state._replace(belief=pack(before), agreed=agreed, motion=motion)
+
+    def measure(
+        self, state: PoseState, clean: CleanSample, watches: Watches, observed: Observed
+    ) -> tuple[CleanSample, MeasuredMotion, GyroNoise]:
+        """The sample with what stands in for sensors that are silent, its motion, and the noise of the gyro after it.
+
+        state: before the sample.  watches: after it.  observed: of a speed observer.
+        """
+        before = unpack(state.belief)
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         clean, outside = in_place_of_wheels(clean, state.motion, self.robot, self.noise)
-        sensors, jump = sense(state.motion, clean, silent, sample.observed, outside, self.robot)
+        sensors, jump = sense(state.motion, clean, silent, observed, outside, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
         gyro = self.estimate_gyro_noise(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
-        comparable = motion.input.comparable & watch.comparable & logical_not(silent)
         u = motion.input._replace(
-            comparable=comparable,
+            comparable=motion.input.comparable & watches.gyro.comparable & logical_not(silent),
             offset_walk=state.offset_walk.variance(self.noise.gyro_offset_walk),
             wheels_variance=state.sums.differences.noise_variance,
         )
-        motion = motion._replace(input=u)
-        begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
-        prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
+        return clean, motion._replace(input=u), gyro
+
+    def prior(self, state: PoseState, motion: MeasuredMotion, is_caught: Scalar) -> Belief:
+        """The belief before a step, with the slip that its motion may have; is_caught: the robot is held from it on."""
+        before, slip_std_m_s = unpack(state.belief), motion.input.motion_std[0]
+        prior = with_slip_speed(before, state.slip_std_m_s, slip_std_m_s)
         alone = motion.by_driven & (abs(motion.input.slip_sigmas) > GROSS_SLIP)
-        rims_m_s = (motion.sensors.modes.forward_m_s - state.motion.modes.forward_m_s).mean()
+        changed_m_s = (motion.sensors.modes.forward_m_s - state.motion.modes.forward_m_s).mean()
         slip_m_s = state.slip_std_m_s * before.mean[SLIP]
-        prior = choose(alone, with_rims_alone(prior, slip_m_s, rims_m_s, motion.input.motion_std[0]), prior)
-        overrun_m = state.overrun.way_m
-        prior = choose(begins, moved_back(forget(prior, SLIP, 1.0), overrun_m, motion.input), prior)
-        overrun_m = where(begins, 0.0, overrun_m)
-        reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
-        trail = extend(state.trail, twist(before.mean, motion.input), clean.dt_s)
-        speed_m_s = twist(reckoned.mean, motion.input)[0]
-        sums = add_turn(state.sums, motion.input, motion.rim_m)
-        fresh = some([sensors.intervals.age_s[WHEELS] <= 0.0, sensors.intervals.age_s[PASSIVE] <= 0.0])
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, fresh, trail, overrun_m)
-        body, heading = use_heading(
-            body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
-        )
-        walk_std = self.noise.gyro_offset_walk
-        offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, clean.dt_s, walk_std)
-        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
-        body = body._replace(belief=belief)
-        distance_m = state.distance_m + travelled(belief, motion.input)
-        nonlinear_m = state.nonlinear_m + by_nonlinearity(before, reckoned)
-        behind_m = (motion.rim_forward_m_s - twist(belief.mean, motion.input)[0]) * clean.dt_s
-        yaw = yaw_now(belief.mean, motion.input)
-        held_back_m = where(speed_watch.doubted, state.held_back_m + behind_m * np.array([cos(yaw), sin(yaw)]), 0.0)
-        slides = motion.sensors.held.slides
-        overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
-        suspected = watch.suspected & logical_not(watch.stuck)
-        missed_rad = where(suspected, missed_turn(body.belief.mean, watch, state.changed_yaw_rad), 0.0)
-        missed = missed_variance(missed_rad, watch.rims_m)
-        open_rad = where(turn.spins, abs(turn.turned_rad), turn.most_rad)
-        missed = missed + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
-        unconfirmed = confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, clean.dt_s)
-        estimate = self.conclude(body.belief, motion, overrun, unconfirmed, missed, turn, distance_m, nonlinear_m)
-        no_encoder = some([some_silent(encoders, sensors, self.robot), turn.some_reversed])
-        incidents = self.incidents(before, clean, no_encoder, motion, body)
-        after = PoseState(
-            pack(body.belief), motion.sensors, gyro, watch, encoders, sums, trail, heading, overrun, unconfirmed,
-            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]),
-            motion.input.motion_std[0], distance_m, nonlinear_m, speed_watch, held_back_m, turn,
-            agreed, offset_walk, curvature_std_1_m,
-        )  # fmt: skip
-        return PoseStep(after, estimate, incidents, motion.input.unobserved_s[0])
+        prior = choose(alone, with_rims_alone(prior, slip_m_s, changed_m_s, slip_std_m_s), prior)
+        return choose(is_caught, moved_back(forget(prior, SLIP, 1.0), state.overrun.way_m, motion.input), prior)
 
     def estimate_gyro_noise(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
         """Noise of the gyro after the step; its sample is new if its age is zero."""
@@ -320,12 +342,12 @@ class PoseFilter:
         sample: OdometrySample,
         clean: CleanSample,
         motion: MeasuredMotion,
-        fresh: Scalar,
         trail: Trail,
         overrun_m: Scalar,
     ) -> tuple[PoseCorrection, TurnSums]:
         """Correct with wheels against gyro, with external speeds and with a pose increment."""
         noise, gate, u = self.noise, self.gate, motion.input
+        fresh = some([motion.sensors.intervals.age_s[channel] <= 0.0 for channel in (WHEELS, PASSIVE)])
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
         slides = motion.sensors.held.slides
@@ -339,21 +361,14 @@ class PoseFilter:
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
-        self,
-        belief: Belief,
-        motion: MeasuredMotion,
-        overrun: Overrun,
-        unconfirmed: Unconfirmed,
-        missed: np.ndarray,
-        turn: TurnWatch,
-        distance_m: Scalar,
-        nonlinear_m: np.ndarray,
+        self, belief: Belief, motion: MeasuredMotion, after: PoseState, missed: np.ndarray
     ) -> OdometryEstimate:
         """The estimate still without flags; missed: `missed_variance` of a turn that is not known."""
+        overrun, unconfirmed = after.overrun, after.unconfirmed
         x, P = belief
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
-        apart = np.array([*nonlinear_m, np.zeros(2)])
+        apart = np.array([*after.nonlinear_m, np.zeros(2)])
         pose_cov = apart @ apart.T + np.array([
             [P[X, X], P[X, Y], to_yaw[X]],
             [P[Y, X], P[Y, Y], to_yaw[Y]],
@@ -364,7 +379,7 @@ class PoseFilter:
         pose_cov = pose_cov + np.diag(missed) + alone * unconfirmed.way_variance * np.outer(way, way)
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         by_slide = np.array([alone * unconfirmed.speed_variance, 0.0, 0.0])
-        changed = motion_changed(motion.input) ** 2 + open_motion(motion, turn) ** 2
+        changed = motion_changed(motion.input) ** 2 + open_motion(motion, after.watches.turn) ** 2
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance + by_slide + changed))
         changed_m_s = changed_since_value(motion)
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
@@ -383,7 +398,7 @@ class PoseFilter:
             speed_left_m_s=rates[1],
             yaw_rate_rad_s=rates[2],
             twist_cov=twist_cov + np.diag([changed_m_s * changed_m_s, 0.0, 0.0]),
-            distance_m=distance_m,
+            distance_m=after.distance_m,
             gyro_offset_rad_s=x[OFFSET],
             gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
             radius_ratio=1.0 + x[RADIUS],
@@ -396,15 +411,16 @@ class PoseFilter:
         )
 
     def incidents(
-        self, before: Belief, clean: CleanSample, no_encoder: Scalar, motion: MeasuredMotion, body: PoseCorrection
+        self, before: Belief, clean: CleanSample, motion: MeasuredMotion, body: PoseCorrection, watches: Watches
     ) -> dict[IntFlag, Scalar]:
         """Conditions of the flags of a sample."""
+        silent = some_silent(watches.encoders, motion.sensors, self.robot)
         return {
             OdometryFlag.BAD_TIME: logical_not(clean.time_credible),
             OdometryFlag.GAP: clean.gap,
             OdometryFlag.NO_WHEELS: motion.no_wheels,
             OdometryFlag.NO_GYRO: motion.no_gyro,
-            OdometryFlag.NO_ENCODER: no_encoder,
+            OdometryFlag.NO_ENCODER: some([silent, watches.turn.some_reversed]),
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
             OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.sensors.held.probability > ALARM),
@@ -415,6 +431,18 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         }
+
+
+def watch_sensors(before: Watches, clean: CleanSample, robot: Robot) -> tuple[CleanSample, Watches]:
+    """The sample without the values of sensors at fault, and the watches after it."""
+    since_s = before.gyro.wheel_age_s + clean.dt_s
+    clean, encoders = without_stopped(clean, before.encoders, robot)
+    gyro = watch_gyro(before.gyro, clean, robot)
+    clean = without_stuck_gyro(clean, gyro)
+    turn = watch_turn(before.turn, clean, since_s, robot)
+    clean = without_wrong(clean, turn, robot)
+    speed = watch_speed(before.speed, clean, since_s, robot)
+    return without_stuck_speed(clean, speed), Watches(gyro, encoders, turn, speed)
 
 
 def newly(now: np.ndarray, before: np.ndarray) -> Scalar:
@@ -475,6 +503,26 @@ def missed_turn(x: np.ndarray, watch: GyroWatch, yaw_rad: Scalar) -> Scalar:
     yaw_rad: the yaw then.
     """
     return yaw_rad + watch.wheels_rad * (1.0 + x[TURN_SCALE]) - x[YAW]
+
+
+def turn_missed(x: np.ndarray, watches: Watches, changed_yaw_rad: Scalar) -> np.ndarray:
+    """Variance (3,) of the pose by turns that a gyro may have missed, and by those that may have had no way.
+
+    x: (n,) state.  changed_yaw_rad: yaw at the gyro's last change.
+    """
+    gyro, turn = watches.gyro, watches.turn
+    suspected = gyro.suspected & logical_not(gyro.stuck)
+    missed_rad = where(suspected, missed_turn(x, gyro, changed_yaw_rad), 0.0)
+    open_rad = where(turn.spins, abs(turn.turned_rad), turn.most_rad)
+    by_gyro = missed_variance(missed_rad, gyro.rims_m)
+    return by_gyro + where(turn.turn_open, missed_variance(open_rad, turn.way_m), 0.0)
+
+
+def held_back(belief: Belief, motion: MeasuredMotion, dt_s: Scalar) -> np.ndarray:
+    """Distance (2,) in x and y [m] by which the pose stays behind the wheels in a step."""
+    behind_m = (motion.rim_forward_m_s - twist(belief.mean, motion.input)[0]) * dt_s
+    yaw = yaw_now(belief.mean, motion.input)
+    return behind_m * np.array([cos(yaw), sin(yaw)])
 
 
 def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
