@@ -36,7 +36,7 @@ from ohmward.battery.identification.ocv_from_logs import (
 )
 from ohmward.battery.identification.record import Record, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_anchors
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OCV_GRID, OcvCurve
 from ohmward.battery.ocv_file import given_ocv
 from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.errors import InputError
@@ -65,9 +65,11 @@ class IdentificationSettings(NamedTuple):
 #: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and their correlation length in SoC: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
 _USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
-#: Largest distance in SoC between rests that show a curve: between farther ones the usual curve is closer to it than
-#: their interpolation, and constant currents tell neither from the other's overpotential.
+#: Largest distance in SoC between rests that show a curve which bends between them: constant currents cannot tell the
+#: bends from an overpotential.
 _LARGEST_GAP = 0.3
+#: A curve bends by more than this share of its voltage: one of lead and acid does not.
+_STRAIGHT_SHARE = 0.01
 #: Relative error of the slope of a straight line beyond the logs that it was fitted to: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
@@ -146,7 +148,8 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
 def _without_low_rate(records: Sequence[Record], settings: IdentificationSettings) -> FirstOcv:
     """The curve through rests; with too few of them at a known state of charge, the chemistry's usual curve.
 
-    Without a chemistry, the error of the curve between rests that are far apart is as large as its rise between them.
+    So too where that bends between rests that are far apart. Without a chemistry the error of the curve between these
+    is as large as its rise.
     """
     has_usual = bool(settings.chemistry) and all(known_without_curve(record, settings) for record in records)
     try:
@@ -159,11 +162,20 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
     soc = np.array(sorted(point.soc for point in points))
     if float(np.diff(soc).max()) <= _LARGEST_GAP:
         return FirstOcv(curve, "rests", tuple(records))
-    if has_usual:
-        return _usual_ocv(records, settings)
-    slope_V = float(np.ptp(curve.voltage_V))
-    beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
-    return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
+    if not has_usual:
+        slope_V = float(np.ptp(curve.voltage_V))
+        beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
+        return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
+    usual = _usual_ocv(records, settings)
+    straight = _bend_share(usual.curve, soc) <= _STRAIGHT_SHARE
+    return FirstOcv(curve, "rests", tuple(records)) if straight else usual
+
+
+def _bend_share(usual: OcvCurve, soc: np.ndarray) -> float:
+    """Largest distance of the usual curve from its chords between rests at these SoC, over its voltage."""
+    grid = np.linspace(soc[0], soc[-1], OCV_GRID.size)
+    usual_V, at_rests_V = (np.asarray(usual.mean_V(x, usual.reference_degC)) for x in (grid, soc))
+    return float(np.max(np.abs(usual_V - np.interp(grid, soc, at_rests_V)) / usual_V, initial=0.0))
 
 
 def usual_efficiency(settings: IdentificationSettings) -> float:
