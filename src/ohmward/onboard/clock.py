@@ -40,7 +40,7 @@ _DATES = 4096
 
 
 #: Clock modules of a Linux machine; a module shows the time of the wall clock that it has set within this time [s].
-_CLOCK_MODULES, _SAME_TIME_S = Path("/sys/class/rtc"), 60.0
+_CLOCK_MODULES, _CLOCK_AGREES_S = Path("/sys/class/rtc"), 60.0
 
 #: Results of `adjtimex(2)` of a wall clock that no network has set, and room for its record.
 _NOT_SYNCHRONIZED, _TIMEX_BYTES = (-1, 5), 512
@@ -70,7 +70,7 @@ class SystemClock:
             return True
         for module in _CLOCK_MODULES.glob("rtc*/since_epoch"):
             with suppress(OSError, ValueError):
-                if abs(float(module.read_text(encoding="ascii")) - self.unix_s()) < _SAME_TIME_S:
+                if abs(float(module.read_text(encoding="ascii")) - self.unix_s()) < _CLOCK_AGREES_S:
                     return True
         with suppress(OSError, AttributeError):
             return ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES)) not in _NOT_SYNCHRONIZED

@@ -69,7 +69,7 @@ _USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
 #: bends from an overpotential.
 _LARGEST_GAP = 0.3
 #: A curve bends by more than this share of its voltage: one of lead and acid does not.
-_STRAIGHT_SHARE = 0.01
+_CHORD_SHARE = 0.01
 #: Relative error of the slope of a straight line beyond the logs that it was fitted to: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
@@ -167,7 +167,7 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
         beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
         return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
     usual = _usual_ocv(records, settings)
-    straight = _bend_share(usual.curve, soc) <= _STRAIGHT_SHARE
+    straight = _bend_share(usual.curve, soc) <= _CHORD_SHARE
     return FirstOcv(curve, "rests", tuple(records)) if straight else usual
 
 

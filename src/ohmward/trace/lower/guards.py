@@ -15,7 +15,7 @@ from ohmward.trace.lower.repeats import FUSED
 from ohmward.trace.program import Program, serials
 
 #: Fewest operations that are worth a branch.
-_LEAST_GROUP = 20
+_FEWEST_GUARDED = 20
 
 #: Serials of the nodes of an item of the order: one, or those of a group.
 _Item = tuple[int, ...]
@@ -52,7 +52,7 @@ class _Order:
         self.needed: dict[_Item, list[int]] = {}
         for condition, members in self.candidates(program):
             alone = {serial for serial in members if len(self.item[serial]) == 1}
-            if len(alone) >= _LEAST_GROUP and len(group := self.together(alone)) >= _LEAST_GROUP:
+            if len(alone) >= _FEWEST_GUARDED and len(group := self.together(alone)) >= _FEWEST_GUARDED:
                 self.item |= dict.fromkeys(group, group)
                 self.condition[group] = condition
                 self.needed = {}
@@ -70,7 +70,7 @@ class _Order:
         several = [
             x
             for x in program.nodes
-            if x.operation.name == "logical_and" and len(members.get(x.serial, ())) >= _LEAST_GROUP
+            if x.operation.name == "logical_and" and len(members.get(x.serial, ())) >= _FEWEST_GUARDED
         ]
         several.sort(key=lambda x: len(members[x.serial]) * len(set(_implied(x))), reverse=True)
         yield from ((x, members[x.serial]) for x in several)

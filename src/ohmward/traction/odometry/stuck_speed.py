@@ -22,7 +22,7 @@ from ohmward.traction.odometry.turn_watch import COUNTED_TURN_RAD_S, RIGHT_SHARE
 from ohmward.traction.robot.robot import Robot
 
 #: Least time [s] and number of values for which a speed is repeated, or the robot stands by it.
-REPEATED_S, FEWEST_VALUES = 3.0, 3
+STUCK_AFTER_S, STUCK_VALUES = 3.0, 3
 
 #: Time [s] for which a robot that stands by its outside speed turns as its wheels show, longer than it does not.
 TURNED_S = 1.0
@@ -50,8 +50,8 @@ class SpeedWatch(NamedTuple):
         """The condition that the source is stuck."""
         moves_m_s = abs(self.last_m_s)
         changed = (self.high_m_s - self.low_m_s > STUCK_SHARE * moves_m_s + TURNS_M_S) & (moves_m_s > TURNS_M_S)
-        repeats = (self.repeated >= FEWEST_VALUES) & (self.time_s >= REPEATED_S) & changed
-        return repeats | (self.stood >= FEWEST_VALUES) & (self.turned_s > TURNED_S)
+        repeats = (self.repeated >= STUCK_VALUES) & (self.time_s >= STUCK_AFTER_S) & changed
+        return repeats | (self.stood >= STUCK_VALUES) & (self.turned_s > TURNED_S)
 
 
 def watch_speed(before: SpeedWatch, clean: CleanSample, since_s: Scalar, robot: Robot) -> SpeedWatch:
