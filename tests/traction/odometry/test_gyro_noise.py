@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 from ohmward.filters.belief import Belief
 from ohmward.traction import RLMA, Odometry
-from ohmward.traction.odometry.measured_motion import (
+from ohmward.traction.odometry.gyro_noise import (
     OFFSET_WALKS,
     WALK_LASTS_S,
     WALK_PRIOR,

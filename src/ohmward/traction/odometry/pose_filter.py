@@ -59,25 +59,27 @@ from ohmward.traction.odometry.corrections import (
     use_speeds,
     use_turn,
 )
+from ohmward.traction.odometry.gyro_noise import (
+    GyroNoise,
+    OffsetWalk,
+    gyro_noise_of_sheet,
+    learn_gyro_noise,
+    learn_offset_walk,
+    walk_variance,
+)
 from ohmward.traction.odometry.measured_motion import (
     GYRO,
     PASSIVE,
     WHEELS,
-    GyroNoise,
     MeasuredMotion,
     MotionState,
-    OffsetWalk,
-    gyro_noise_of_sheet,
     in_place_of_wheels,
-    learn_gyro_noise,
-    learn_offset_walk,
     no_motion,
     planar,
     rim_matrix,
     sense,
     show,
     turn_per_slip,
-    walk_variance,
     with_silent_wheels,
 )
 from ohmward.traction.odometry.model import (
