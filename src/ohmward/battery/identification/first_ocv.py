@@ -167,11 +167,11 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
         beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
         return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
     usual = _usual_ocv(records, settings)
-    straight = _bend_share(usual.curve, soc) <= _CHORD_SHARE
+    straight = _curvature_share(usual.curve, soc) <= _CHORD_SHARE
     return FirstOcv(curve, "rests", tuple(records)) if straight else usual
 
 
-def _bend_share(usual: OcvCurve, soc: np.ndarray) -> float:
+def _curvature_share(usual: OcvCurve, soc: np.ndarray) -> float:
     """Largest distance of the usual curve from its chords between rests at these SoC, over its voltage."""
     grid = np.linspace(soc[0], soc[-1], OCV_GRID.size)
     usual_V, at_rests_V = (np.asarray(usual.mean_V(x, usual.reference_degC)) for x in (grid, soc))
