@@ -77,7 +77,7 @@ def test_lost_currents_do_not_favour_the_hypothesis_of_the_least_resistance(chem
     lost = next(condition for condition in CONDITIONS if condition.name == "lost samples: 30 %")
     default = next(method for method in METHODS if method.name == "default")
     found = soc_cell(chemistry, lost, default, 16, 7)
-    assert found.rmse < 0.045 and found.largest < 0.16
+    assert found.rmse < 0.045 and found.largest < 0.2  # 0.08 and 0.33 where they favour it, covered 89 %
     assert found.covered > 0.95
 
 
