@@ -9,6 +9,7 @@ from ohmward.battery.identification.first_ocv import FirstOcv, IdentificationSet
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import TEST_START_STD, anchor_soc
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.posterior import OCV_KNOTS, SOC_AXIS_STD
 from ohmward.errors import InputError
 from ohmward.logs import Log
@@ -85,6 +86,17 @@ def test_between_rests_that_are_far_apart_the_curve_is_that_of_the_chemistry():
     assert any("the usual curve of nmc cells was taken" in note for note in battery.identification.notes)
     assert np.sqrt(np.mean(error_V**2)) < 0.02
     assert np.mean(np.abs(error_V) < 2.0 * std_V) > 0.9
+
+
+def test_a_lasting_discharge_alone_leaves_the_curve_as_uncertain_as_that_of_its_chemistry():
+    """The cells of a chemistry differ by up to 0.1 V in the middle, and one current shows no resistance beside that."""
+    soc = np.linspace(0.0, 1.0, 201)
+    lower = OcvCurve(tuple(np.asarray(chemistry("nmc").ocv().mean_V(soc, 25.0)) - 0.12 * (1.0 - soc)))
+    log = play(cell(lower), *steps([(1.9 * 3600.0, -1.0, 10.0)]), soc=1.0, std_V=0.0005)
+    battery = identify(log, capacity_Ah=2.0, chemistry="nmc", initial_soc={"log": 1.0}, model="thevenin-1rc")
+    middle = np.linspace(0.1, 0.9, 17)
+    error_V = np.asarray(battery.thevenin.ocv.mean_V(middle, 25.0)) - np.asarray(lower.mean_V(middle, 25.0))
+    assert np.all(np.abs(error_V) < 2.0 * np.array(battery.noise.model_std_V)[2:-2])
 
 
 def test_between_rests_that_are_far_apart_the_curve_of_an_unknown_chemistry_is_uncertain():

@@ -62,9 +62,8 @@ class IdentificationSettings(NamedTuple):
     ocv: Any = None
 
 
-#: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and their correlation length in SoC: cells
-#: of one chemistry differ by a shift, a stretch and a bend.
-_USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
+#: Error of a straight line through a drive for a cell of 3.7 V, of its SoC axis, and their correlation length in SoC.
+_LINE_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
 #: Largest distance in SoC between rests that show a curve which bends between them: constant currents cannot tell the
 #: bends from an overpotential.
 _LARGEST_GAP = 0.3
@@ -108,8 +107,10 @@ class FirstOcv(NamedTuple):
     def prior(self, chemistry: str) -> ChemistryPrior:
         """The prior of the circuit and of the correction of this curve."""
         prior = chemistry_prior(chemistry)
-        if self.source in ("chemistry", "line"):
-            return prior._replace(curve=_USUAL_CURVE._replace(line_std_V=self.line_std_V))
+        if self.source == "chemistry":
+            return prior
+        if self.source == "line":
+            return prior._replace(curve=_LINE_CURVE._replace(line_std_V=self.line_std_V))
         measured = self.source == "given" or self.both_directions
         curve = prior.measured_curve if measured else prior.rested_curve
         curve = curve._replace(middle_soc_std=self.axis_std, line_std_V=self.line_std_V)
