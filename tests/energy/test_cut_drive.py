@@ -52,6 +52,13 @@ def test_short_stops_belong_to_the_drive(cut):
 
 
 @both
+def test_time_at_a_charger_is_left_out_until_the_robot_moves(cut):
+    speed = np.where((T < 50) | (T > 260), 0.5, 0.0)
+    power = np.where(speed > 0.0, 20.0, np.where(T < 200, -60.0, 0.0))  # full at 200 s, still connected
+    assert [d.stretch.terrain for d in cut(speed, power)] == ["grass", "grass"]
+
+
+@both
 def test_heights_of_a_hill_without_the_noise_of_the_pitch(cut):
     noise = 0.03 * np.random.default_rng(0).standard_normal(301)
     grade = np.where(T < 150, 0.1, -0.05) + noise
@@ -89,7 +96,7 @@ def test_the_payload_is_that_of_the_drive():
     [
         ((T, T[1:], T, "grass"), "length of time_s"),
         ((T[:1], T[:1], T[:1], "grass"), "at least 2 samples"),
-        ((T, T, np.full(301, np.nan), "grass"), "no stretch in which speed and battery power"),
+        ((T, T, np.full(301, np.nan), "grass"), "no stretch: speed and battery power"),
     ],
 )
 def test_what_is_refused(arguments, message):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -53,6 +53,8 @@ def cut_drive(
     grade_rad: (T,) > 0 with the nose up; level ground by default. Slopes steeper than 45 degrees are unknown.
     payload_kg: on top of the robot's mass.
 
+    Left out: time at a charger (`without_charger`).
+
     Raises:
         InputError: lengths differ, or nothing was measured long enough to be a stretch.
     """
@@ -61,14 +63,16 @@ def cut_drive(
     drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad)
     labels = _labels(drive, names)
     still = _still(drive.speed_m_s)
-    driven = []
+    parts = []
     for intervals in _pieces(time_s, labels):
         name = "" if still[intervals].all() else names[intervals.start]
         samples = slice(intervals.start, intervals.stop + 1)
-        driven.append(_driven(drive.rows(samples), name, payload_kg))
+        parts.append(_driven(drive.rows(samples), name, payload_kg))
+    driven, _ = without_charger(parts)
     if not driven:
         raise InputError(
-            "the drive has no stretch in which speed and battery power were both measured; check the columns"
+            "the drive has no stretch: speed and battery power must both be measured, at least every "
+            f"{BRIDGED_S:g} s, and not only at a charger; check the columns and the interval of the rows"
         )
     return driven
 
@@ -187,6 +191,25 @@ class DriveMeter(NamedTuple):
     moving: Measured | None = None
     stop: Measured | None = None
     measured: DriveSample | None = None  #: last sample with speed and power, until a gap
+    at_charger: bool = False  #: the last finished stretch was at a charger
+
+
+_Part = TypeVar("_Part", Driven, Measured)
+
+
+def without_charger(parts: Iterable[_Part], at_charger: bool = False) -> tuple[list[_Part], bool]:
+    """Stretches of a drive without those at a charger, and whether the last one was: they show no idle power.
+
+    A robot is at a charger from the first stretch of standing in which its battery is charged until it moves.
+
+    at_charger: of the stretch before.
+    """
+    driven = []
+    for part in parts:
+        at_charger = not part.stretch.terrain and (at_charger or part.energy_J < 0.0)
+        if not at_charger:
+            driven.append(part)
+    return driven, at_charger
 
 
 def advance(meter: DriveMeter, now: DriveSample) -> tuple[DriveMeter, list[Measured]]:
@@ -197,7 +220,7 @@ def advance(meter: DriveMeter, now: DriveSample) -> tuple[DriveMeter, list[Measu
     """
     before, is_measured = meter.measured, math.isfinite(now.speed_m_s) and math.isfinite(now.battery_W)
     if before is None or not 0.0 < now.time_s - before.time_s <= BRIDGED_S:
-        return DriveMeter(now, measured=now if is_measured else None), list(map(_finished, _ended(meter)))
+        return _after(meter, DriveMeter(now, measured=now if is_measured else None), _ended(meter))
     if not is_measured:
         return meter._replace(last=now), []
     interval = _interval(before, now)
@@ -206,7 +229,13 @@ def advance(meter: DriveMeter, now: DriveSample) -> tuple[DriveMeter, list[Measu
         moving, stop, done = _stand(meter, interval._replace(stretch=standing))
     else:
         moving, stop, done = _move(meter, interval)
-    return DriveMeter(now, moving, stop, now), list(map(_finished, done))
+    return _after(meter, DriveMeter(now, moving, stop, now), done)
+
+
+def _after(before: DriveMeter, after: DriveMeter, done: list[Measured]) -> tuple[DriveMeter, list[Measured]]:
+    """The meter after a sample, and the stretches that it has finished away from a charger."""
+    driven, at_charger = without_charger(map(_finished, done), before.at_charger)
+    return after._replace(at_charger=at_charger), driven
 
 
 def _ended(meter: DriveMeter) -> list[Measured]:
