@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.drive_record import observe_motion, record_drive
+from ohmward.energy.drive_record import measured_motion, observe_motion, record_drive
 from ohmward.logs import DriveLog, Log
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from traction.odometry.examples import DT_S, one_side_spins
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
+NAN = np.nan
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])
@@ -56,3 +57,19 @@ def test_the_balance_takes_no_power_from_a_battery_that_was_not_recorded():
     record = record_drive(battery, observe_motion(RLMA, drive, hard_terrain("dry asphalt"), battery.time_s), "grass")
     assert record.balance is not None
     assert record.balance.energy.balance.battery == pytest.approx(24.0 * 20.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "unit", "speed_m_s", "grade_rad", "warnings"),
+    [
+        ({"speed_m_s": [0.5, 1e4], "grade_rad": [0.1, 0.2]}, None, [0.5, NAN], [0.1, 0.2], 1),
+        ({"speed_kmh": [1.8, 3.6], "Pitch_deg": [18.0, 0.0]}, None, [0.5, 1.0], [np.pi / 10, 0.0], 0),
+        ({"gnss": [1.8, 3.6], "grade_rad": [0.1, 5.0]}, "km/h", [0.5, 1.0], [0.1, NAN], 1),
+    ],
+)
+def test_columns_of_speed_and_slope_have_units_and_limits(columns, unit, speed_m_s, grade_rad, warnings):
+    log = Log("drive", np.arange(2.0), -np.ones(2), np.full(2, 24.0), extra=columns)
+    found = measured_motion(log, next(iter(columns)), unit)
+    np.testing.assert_allclose(found.speed_m_s, speed_m_s)
+    np.testing.assert_allclose(found.grade_rad, grade_rad)
+    assert [note.level for note in found.notes[1:]] == ["warning"] * warnings

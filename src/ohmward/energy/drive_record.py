@@ -13,12 +13,15 @@ import numpy as np
 from ohmward.energy.balance import DRIVE_TERMS, DriveEnergy, drive_balance, integrate_drive
 from ohmward.energy.consumption import Consumption, begin_drive, energy_demand
 from ohmward.energy.cut_drive import BRIDGED_S, Driven, cut_drive
-from ohmward.energy.leg import Leg, stretch_of
+from ohmward.energy.leg import STEEPEST_RAD, Leg, stretch_of
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
 from ohmward.errors import InputError
+from ohmward.logs.columns import given_unit
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
+from ohmward.logs.units import split_unit, unit_in_name
+from ohmward.quantities import FASTEST_M_S
 from ohmward.runs import interpolated
 from ohmward.traction.drive_checks import mended
 from ohmward.traction.dynamics.forces import EnergyBalance, Scene, scene
@@ -28,8 +31,8 @@ from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observ
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.terrain.floor import travel_speed
 
-#: Columns for the slope of the ground [rad]; the first one present is used.
-SLOPE_COLUMNS = ("grade_rad", "pitch_rad")
+#: Columns for the slope of the ground, before their unit (`grade_rad`); the first one present is used.
+SLOPES = ("grade", "pitch")
 
 
 class ObservedWheels(NamedTuple):
@@ -96,11 +99,13 @@ def observe_motion(
     return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
 
 
-def measured_motion(log: Log, speed_column: str = "speed_m_s") -> BodyMotion:
-    """Speed and slope from columns of a log, in m/s and rad.
+def measured_motion(log: Log, speed_column: str = "speed_m_s", speed_unit: str | None = None) -> BodyMotion:
+    """Speed and slope from columns of a log, in the units of their names; nan where they are not credible.
+
+    speed_unit: of the speed, where the name is silent (m/s is assumed) or wrong.
 
     Raises:
-        InputError: there is no such column.
+        InputError: there is no such column, or the unit is none of a speed.
     """
     if speed_column not in log.extra:
         raise InputError(
@@ -108,10 +113,29 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s") -> BodyMotion:
             "name it with --column speed=NAME (speed_column='NAME'). It has: "
             f"{', '.join(log.extra) or 'nothing but the battery'}"
         )
-    slope = next((name for name in SLOPE_COLUMNS if name in log.extra), None)
-    ground = f"slope from {slope!r}" if slope else "level ground assumed"
-    note = Note(f"speed from column {speed_column!r} in m/s, {ground}")
-    return BodyMotion(log.extra[speed_column], log.extra[slope] if slope else None, None, (note,))
+    named = unit_in_name(speed_column, ("speed",))
+    unit = named if named and not speed_unit else given_unit("speed", speed_unit or "m/s")
+    speed_m_s, fast = _credible(unit.in_si(log.extra[speed_column]), FASTEST_M_S, f"speed above {FASTEST_M_S:g} m/s")
+    columns = [(unit_in_name(name, ("angle",)), name) for stem in SLOPES for name in log.extra if _is_of(name, stem)]
+    of_slope, slope = next(((angle, name) for angle, name in columns if angle), (None, ""))
+    ground = f"slope from {slope!r} in {of_slope.symbol}" if of_slope else "level ground assumed"
+    note = Note(f"speed from column {speed_column!r} in {unit.symbol}, {ground}")
+    if of_slope is None:
+        return BodyMotion(speed_m_s, None, None, (note, *fast))
+    grade_rad, steep = _credible(of_slope.in_si(log.extra[slope]), STEEPEST_RAD, f"slope in {slope!r} above 45 degrees")
+    return BodyMotion(speed_m_s, grade_rad, None, (note, *fast, *steep))
+
+
+def _is_of(name: str, stem: str) -> bool:
+    """True where a column's name is this stem with a unit."""
+    return any(text.lower().strip(" _") == stem for text, _ in split_unit(name))
+
+
+def _credible(values: np.ndarray, most: float, what: str) -> tuple[np.ndarray, list[Note]]:
+    """(T,) values of at most this size, else nan, with a warning of how many were larger."""
+    left_out = int(np.count_nonzero(np.abs(values) > most))
+    text = f"{what} in {left_out} of {len(values)} samples: left out; is the unit right?"
+    return np.where(np.abs(values) <= most, values, np.nan), [Note(text, "warning")] if left_out else []
 
 
 def record_drive(

@@ -124,7 +124,8 @@ class MissionSettings:
     #: terminal voltage at which the robot stops; 0 if nothing monitors it; None takes the plan's
     cutoff_V: float | None = None
     payload_kg: float = 0.0  #: load during the log
-    speed_column: str = "speed_m_s"  #: column of the log's speed [m/s], used without wheels
+    speed_column: str = "speed_m_s"  #: column of the log's speed, used without wheels
+    speed_unit: str | None = None  #: its unit, where its name is silent (m/s is assumed) or wrong
     terrain: Terrain | None = None  #: ground that the observer of the wheels assumes at first; None is dry asphalt
     confidence: float = 0.95  #: probability with which the robot must come back from the latest point of return
 
@@ -278,7 +279,7 @@ def _motion(
 ) -> BodyMotion:
     """Motion from the observed wheels, else from a measured speed."""
     if robot is None or drive is None:
-        return measured_motion(log, settings.speed_column)
+        return measured_motion(log, settings.speed_column, settings.speed_unit)
     return observe_motion(robot, drive, settings.terrain or hard_terrain(DEFAULT_TERRAIN), log.time_s, progress)
 
 

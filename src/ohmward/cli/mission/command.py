@@ -73,6 +73,7 @@ def run(args: argparse.Namespace) -> Outcome:
         cutoff_V=args.cutoff_v,
         payload_kg=args.payload_kg,
         speed_column=speed_column(read_options(args)),
+        speed_unit=dict(read_options(args).units).get("speed"),
         terrain=terrain_named(named, robot.wheel) if robot else None,
         confidence=args.confidence,
     )
