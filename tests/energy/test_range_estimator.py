@@ -13,7 +13,7 @@ from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_drive, learn, prior_from_robot, start
 from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
-from ohmward.energy.cut_drive import cut_drive
+from ohmward.energy.cut_drive import DriveSample, cut_drive
 from ohmward.energy.leg import Stretch, stretch_of, total_distance_m
 from ohmward.energy.range import ground_std
 from ohmward.energy.range_step import (
@@ -21,6 +21,7 @@ from ohmward.energy.range_step import (
     RangeEstimate,
     RangeSample,
     RangeSettings,
+    SocNow,
     battery_state,
     last_stretches,
     usual_ground,
@@ -107,6 +108,21 @@ def test_the_robot_will_stop_as_often_as_in_the_last_hour():
     standing_s = sum(s.time_s for s in ahead if not s.terrain)
     assert total_distance_m(ahead) == pytest.approx(200.0 + 0.5 * 1800.0)  # and half an hour of usual ground
     assert standing_s == pytest.approx(0.5 * total_distance_m(ahead))
+
+
+def test_the_way_home_climbs_what_was_descended_and_has_no_stays():
+    def forecast(*stay, way_m, grade_rad=0.0):
+        settings = new().settings
+        recent = (*[stretch_of(Leg(50.0, "grass", 0.5, grade_rad))] * 10, *stay)
+        state = settings.init(begin_drive(NEW))._replace(recent=recent, soc=SocNow(0.5))
+        return settings.forecast(state, RangeSample(DriveSample(0.0, 0.0, 9.0, 0.0, "grass"), state.soc, way_m))
+
+    level = forecast(way_m=4000.0)
+    stays = forecast(*[Stretch("", 180.0)] * 19, way_m=4000.0)
+    assert stays.home_probability == level.home_probability > 0.1
+    assert stays.distance_m.p50 < level.distance_m.p50
+    down, up = (forecast(way_m=4000.0, grade_rad=sign * 0.05).home_probability for sign in (-1, 1))
+    assert down < level.home_probability < up
 
 
 def test_the_ground_ahead_is_another_sample_of_that_of_late():

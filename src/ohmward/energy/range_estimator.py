@@ -142,7 +142,7 @@ class RangeEstimator:
         current_A, voltage_V: of the battery; current > 0 charges.
         grade_rad: > 0 with the nose up.
         terrain: name of the ground; None is that of the settings.
-        home: length of the way home [m] over ground like the recent one, or its legs.
+        home: length of the way home [m], back over ground like the recent one without its stays, or its legs.
         temperature_degC: of the battery.
         plan: the legs ahead, nearest first, as far as they are known; beyond them the ground is like the recent one.
 

@@ -20,7 +20,7 @@ from ohmward.checks import require_between, require_each_not_negative, require_p
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
 from ohmward.energy.cut_drive import DriveMeter, DriveSample, advance
 from ohmward.energy.discharge_end import DischargeMeter
-from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
+from ohmward.energy.leg import STRETCH_S, Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import (
@@ -240,7 +240,7 @@ class RangeSettings:
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
         battery_now = self.battery_now(state, self.reserve_soc)
         ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
-        home_m = self.way_home(ahead, sample.home)
+        home_m = self.way_home(tuple(map(way_back, self.ahead(state, stays=False))), sample.home)
         known = with_ground(state.consumption, (*ahead, *plan, *home_m))
         driven_s = _known(sample.drive.time_s - state.began_s, math.inf)
         of_home = replace(
@@ -293,9 +293,13 @@ class RangeSettings:
         battery_now = replace(self.battery_now(state, reserve), peaks=peaks_of_way(known, ground, state.peak_ratio))
         return forecast_of(known, ground, self.battery, battery_now, is_known=isinstance(way, Sequence))
 
-    def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
-        """Stretches like those to come: the recent ones, and the usual ground of the robot."""
-        recent = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
+    def ahead(self, state: RangeState, stays: bool = True) -> tuple[Stretch, ...]:
+        """Stretches like those to come: the recent ones, and the usual ground of the robot.
+
+        stays: with standing of `STRETCH_S` and longer, which is work or waiting and no stop on a way.
+        """
+        recent = [s for s in state.recent if stays or s.terrain or s.time_s < STRETCH_S]
+        recent += [state.meter.moving.stretch] if state.meter.moving else []
         if total_distance_m(recent) >= LEAST_DRIVEN_M:
             driven = [s for s in recent if s.terrain]
             standing_s = total_time_s(recent) - total_time_s(driven)
