@@ -44,7 +44,7 @@ BELOW: dict[str, set[str]] = {
     "report": GROUND,
     "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.battery_columns"} | GROUND,
     "traction": {"trace", "filters"} | LOGS | GROUND,
-    "energy": CORE | LOGS,
+    "energy": {"logs.columns", "logs.units"} | CORE | LOGS,
     "embedded": CORE | LOGS,
     "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
     "figures": {"energy", "report"} | CORE | LOGS,
