@@ -71,5 +71,6 @@ def test_columns_of_speed_and_slope_have_units_and_limits(columns, unit, speed_m
     log = Log("drive", np.arange(2.0), -np.ones(2), np.full(2, 24.0), extra=columns)
     found = measured_motion(log, next(iter(columns)), unit)
     np.testing.assert_allclose(found.speed_m_s, speed_m_s)
+    assert found.grade_rad is not None
     np.testing.assert_allclose(found.grade_rad, grade_rad)
     assert [note.level for note in found.notes[1:]] == ["warning"] * warnings
