@@ -43,8 +43,8 @@ _FULL_SOC, _BELOW_FULL = 0.985, 0.015
 _RISE_SOC, _BETWEEN_ENDS = 0.03, (0.1, 0.9)
 #: An end is steep where the curve rises by more than this many times as much.
 _STEEP = 2.0
-#: The voltage has left a limit after this time [s] elsewhere: spikes are shorter.
-_AWAY_S = 30.0
+#: A spike, or a missing voltage, is a single sample, and shorter than this [s].
+_SPIKE_S = 30.0
 #: A charger may have a lower limit of its own. It holds the voltage where the fall of its current would have moved it
 #: by this many times the width in which it stands still: resistances on a label are known to within a factor of two.
 _HELD_DROPS = 2.0
@@ -116,7 +116,7 @@ class AnchorMemory(NamedTuple):
 
     limit_V: Any = 0.0  #: voltage at which the voltage of a charge began to stand still
     held_s: Any = 0.0  #: time for which the voltage has stood still
-    away_s: Any = _AWAY_S  #: time since it was last there
+    away_s: Any = 1.0  #: time since it was last there
     peak_A: Any = 0.0  #: largest charging current while the voltage stood still
     #: charge taken out since the last full charge, over the capacity, at most 1
     discharged: Any = 1.0
@@ -256,13 +256,13 @@ class AnchorRule:
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed.
 
-        A current that stops abruptly is not a taper: until the RC pairs relax, the voltage hardly falls. Spikes and
-        missing voltages do not end it.
+        A current that stops abruptly is not a taper: until the RC pairs relax, the voltage hardly falls. A spike or a
+        missing voltage does not end it, two in a row do: the pulses of a drive come back to a flat curve too.
         """
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         there = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
         away_s = where(there, 0.0, memory.away_s + clean.dt_s)
-        same = clean.current_measured & (away_s < _AWAY_S)
+        same = clean.current_measured & (there | (memory.away_s <= 0.0) & (clean.dt_s < _SPIKE_S))
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         fell_A = 2.0 * (clean.mean.current_A - current_A)
         same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
