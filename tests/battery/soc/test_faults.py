@@ -171,6 +171,8 @@ def test_a_rest_with_the_voltage_of_a_load_has_told_nothing(late, diverged):
 def test_rare_spikes_of_the_voltage_hardly_change_an_estimate_from_the_label(spike_V, in_a_row):
     """Of unknown hypotheses one accepts nearly any voltage: it must not win by those that nothing explains."""
     day = make_robot_day("lfp").mission
+    if in_a_row > 1:
+        day = day.between(0.0, 4.5 * 3600.0)  # up to the charge, whose end two spikes in a row may hide
     voltage_V = day.voltage_V.copy()
     first = np.random.default_rng(1).choice(len(day) - in_a_row, len(day) // 300, replace=False)
     spiked_at = np.unique(first[:, None] + np.arange(in_a_row))
