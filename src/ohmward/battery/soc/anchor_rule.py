@@ -44,7 +44,7 @@ _RISE_SOC, _BETWEEN_ENDS = 0.03, (0.1, 0.9)
 #: An end is steep where the curve rises by more than this many times as much.
 _STEEP = 2.0
 #: A spike, or a missing voltage, is a single sample, and shorter than this [s].
-_SPIKE_S = 30.0
+_SAMPLE_AWAY_S = 30.0
 #: A charger may have a lower limit of its own. It holds the voltage where the fall of its current would have moved it
 #: by this many times the width in which it stands still: resistances on a label are known to within a factor of two.
 _HELD_DROPS = 2.0
@@ -262,7 +262,7 @@ class AnchorRule:
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         there = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
         away_s = where(there, 0.0, memory.away_s + clean.dt_s)
-        same = clean.current_measured & (there | (memory.away_s <= 0.0) & (clean.dt_s < _SPIKE_S))
+        same = clean.current_measured & (there | (memory.away_s <= 0.0) & (clean.dt_s < _SAMPLE_AWAY_S))
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         fell_A = 2.0 * (clean.mean.current_A - current_A)
         same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
