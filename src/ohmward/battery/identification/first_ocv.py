@@ -161,16 +161,15 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
         if not has_usual:
             raise
         return _usual_ocv(records, settings)
+    by_rests = FirstOcv(curve, "rests", tuple(records))
     soc = np.array(sorted(point.soc for point in points))
     if float(np.diff(soc).max()) <= _LARGEST_GAP:
-        return FirstOcv(curve, "rests", tuple(records))
+        return by_rests
     if not has_usual:
-        slope_V = float(np.ptp(curve.voltage_V))
         beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
-        return FirstOcv(curve, "rests", tuple(records), line_std_V=slope_V * beyond)
+        return by_rests._replace(line_std_V=float(np.ptp(curve.voltage_V)) * beyond)
     usual = _usual_ocv(records, settings)
-    straight = _curvature_share(usual.curve, soc) <= _CHORD_SHARE
-    return FirstOcv(curve, "rests", tuple(records)) if straight else usual
+    return by_rests if _curvature_share(usual.curve, soc) <= _CHORD_SHARE else usual
 
 
 def _curvature_share(usual: OcvCurve, soc: np.ndarray) -> float:
