@@ -116,7 +116,7 @@ class AnchorMemory(NamedTuple):
 
     limit_V: Any = 0.0  #: voltage at which the voltage of a charge began to stand still
     held_s: Any = 0.0  #: time for which the voltage has stood still
-    away_s: Any = 1.0  #: time since it was last there
+    away: Any = 1.0  #: 1 where the last sample was not there
     peak_A: Any = 0.0  #: largest charging current while the voltage stood still
     #: charge taken out since the last full charge, over the capacity, at most 1
     discharged: Any = 1.0
@@ -261,15 +261,14 @@ class AnchorRule:
         """
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         there = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
-        away_s = where(there, 0.0, memory.away_s + clean.dt_s)
-        same = clean.current_measured & (there | (memory.away_s <= 0.0) & (clean.dt_s < _SAMPLE_AWAY_S))
+        same = clean.current_measured & (there | (memory.away < 0.5) & (clean.dt_s < _SAMPLE_AWAY_S))
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         fell_A = 2.0 * (clean.mean.current_A - current_A)
         same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
             held_s=where(same, memory.held_s + clean.dt_s, 0.0),
-            away_s=away_s,
+            away=where(there, 0.0, 1.0),
             peak_A=where(same, maximum(memory.peak_A, current_A), current_A),
             discharged=minimum(memory.discharged + maximum(-share, 0.0), 1.0),
             charged=minimum(memory.charged + maximum(share, 0.0), 1.0),
@@ -299,7 +298,7 @@ class AnchorRule:
         """True where the voltage has stood still for long enough while the charging current fell."""
         current_A = clean.now.current_A
         tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
-        return tapered & (memory.held_s > self.limits.held_s) & (memory.away_s <= 0.0)
+        return tapered & (memory.held_s > self.limits.held_s) & (memory.away < 0.5)
 
     def is_held(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
         """True where a charger holds the voltage: otherwise the fall of the current would have moved it further."""
