@@ -19,6 +19,7 @@ from ohmward.errors import InputError
 from ohmward.fleet.spark import ESTIMATED, sign_of_fleet, soc_stream
 from ohmward.logs import Log
 from ohmward.logs.log import UnknownSignError
+from ohmward.trace.kernel import repeatable_lowering
 
 pytest.importorskip("pyspark", reason="needs Spark: pip install pyspark")
 if shutil.which("java") is None:
@@ -82,7 +83,8 @@ def _number(value: float | None) -> float:
 
 
 def never_stopped(samples: np.ndarray) -> np.ndarray:
-    estimator = SocEstimator(make_estimator(DEFAULT, BATTERY_FILE.parse(BATTERY)))
+    settings = make_estimator(DEFAULT, BATTERY_FILE.parse(BATTERY))
+    estimator = SocEstimator(settings, lowering=repeatable_lowering())
     found = [(row[0], estimator.update(*map(float, row))) for row in samples]
     return np.array([[time_s, *(getattr(e, name) for name in ESTIMATED), int(e.flags)] for time_s, e in found])
 

@@ -17,6 +17,7 @@ from ohmward.logs.log import Log, UnknownSignError
 from ohmward.logs.table import counted
 from ohmward.optional import require
 from ohmward.signals.current_sign import CurrentSign, sign_evidence
+from ohmward.trace.kernel import repeatable_lowering
 
 if TYPE_CHECKING:
     from pandas import DataFrame as PandasFrame
@@ -122,11 +123,11 @@ class SocOfRobot:
         self.initial_soc, self.initial_soc_std = initial_soc, initial_soc_std
 
     def estimator(self, snapshot: str | None = None) -> SocEstimator:
-        """A new estimator, or one restored from a snapshot in JSON."""
-        settings = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
+        """A new estimator, or one restored from a snapshot in JSON; a stream that is restarted gives the same bits."""
+        settings, lowering = make_estimator(self.filter, BATTERY_FILE.parse(self.battery)), repeatable_lowering()
         if snapshot is not None:
-            return SocEstimator.restore(settings, json.loads(snapshot))
-        return SocEstimator(settings, self.initial_soc, self.initial_soc_std)
+            return SocEstimator.restore(settings, json.loads(snapshot), lowering=lowering)
+        return SocEstimator(settings, self.initial_soc, self.initial_soc_std, lowering)
 
     def init(self, handle: Any) -> None:
         """Prepare the state before the first row of a task."""
