@@ -11,6 +11,7 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop import Command, Control, Observing, Patch, Sensing
 from ohmward_lab.simulate.closed_loop.run import score
 from ohmward_lab.traction.momentum_observer import MomentumFlag, MomentumNoise, MomentumObserver, count_std_rad
 from traction.speed_observer.examples import FLOOR
@@ -247,7 +248,15 @@ def test_bad_settings_are_refused():
 @pytest.mark.slow
 def test_a_drag_larger_than_believed_is_not_taken_for_the_radius_of_the_passive_wheels():
     """A resistance of 2 m/s^2 that grows with the speed, where 0.17 is usual: the speed stays the counts' own."""
-    scenario = replace(closed_loop.find_scenario("seek-traction"), duration_s=4.0)
+    scenario = closed_loop.Scenario(
+        duration_s=4.0,
+        commands=(Command(torque_Nm=0.0, mode="torque"), Command(1.0, slip_ratio=0.05)),
+        ground=(Patch("wet asphalt"),),
+        sensors=Sensing(interval_s=0.001, encoders="all"),
+        observer=Observing("momentum"),
+        controller=Control("slip"),
+        drag_N_s2_per_m2=32.0,
+    )
     found = score(closed_loop.run(scenario))
     assert found is not None
     assert found.speed_coverage_95 > 0.9

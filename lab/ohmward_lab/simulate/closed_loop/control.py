@@ -27,18 +27,15 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
-from ohmward.traction.control.slip_controller import SlipState
 from ohmward.traction.control.slip_law import SlipLaw
 from ohmward.traction.control.wheel_speed_cascade import DriveState
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
-from ohmward_lab.traction.set_points import OBJECTIVES, SeekerState, SetPointSeeker
 
 #: Keys of a command that each mode takes; the first one is required.
 MODES: dict[str, tuple[str, ...]] = {
     "speed": ("speed_m_s", "yaw_rate_rad_s"),
     "slip": ("slip_ratio", "reverse"),
-    "seek": ("slip_ratio", "reverse"),
     "torque": ("torque_Nm",),
     "wheel-speed": ("speed_m_s", "yaw_rate_rad_s"),
     "ramp": ("speed_m_s", "yaw_rate_rad_s"),
@@ -47,8 +44,6 @@ LAWS = ("sliding-mode", "fuzzy", "slip-ratio", "pid", "cascade")
 #: Time [s] between two steps of the cascade; drives take a new wheel speed at 50 Hz.
 CASCADE_S = 0.02
 _TIMING = ("from_s", "mode")
-#: Rolling resistance over load that the search for least energy assumes: a hard floor's.
-RESISTANCE = 0.01
 #: Acceleration limit that disables the ramp.
 NO_RAMP_M_S2 = 1e6
 
@@ -60,7 +55,7 @@ class Command:
     from_s: float = 0.0  #: time at which it begins, >= 0
     speed_m_s: float | None = None  #: forward, < 0 in reverse; 0 stops
     yaw_rate_rad_s: float | None = None  #: > 0 to the left
-    slip_ratio: float | None = None  #: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0
+    slip_ratio: float | None = None  #: in (-1, 1), < 0 brakes
     reverse: bool | None = None  #: drive backwards with that slip
     torque_Nm: float | None = None  #: of each driven wheel
     mode: str | None = None  #: of the controller from then on; None is that of the controller's settings
@@ -80,11 +75,11 @@ class Command:
 class Control:
     """The controller and its limits."""
 
-    #: of commands without one: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque" without
-    #: feedback, or a wheel-speed PI that ignores slip, "wheel-speed" at once or "ramp"
+    #: of commands without one: "speed" within slip bounds, "slip", "torque" without feedback, or a wheel-speed PI that
+    #: ignores slip, "wheel-speed" at once or "ramp"
     mode: str = "speed"
-    #: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
-    #: wheel-speed PI for speeds at 50 Hz
+    #: in mode "slip": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a wheel-speed PI
+    #: for speeds at 50 Hz
     law: str = "sliding-mode"
     slip_bound: float = 0.12  #: in mode "speed", >= 0.001 and < 1
     acceleration_m_s2: float = 0.5  #: of the ramps, > 0
@@ -93,12 +88,9 @@ class Control:
     torque_rate_Nm_per_s: float = 5000.0
     friction: float = 0.5  #: assumed by the laws, with an error of up to as much, > 0
     interval_s: float = 0.001  #: between steps, > 0 and at most 0.02
-    #: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`
-    objective: str = "traction"
 
     def __post_init__(self) -> None:
         require_one_of("controller.mode", self.mode, MODES)
-        require_one_of("controller.objective", self.objective, OBJECTIVES)
         require_one_of("controller.law", self.law, LAWS)
         require_each_positive(
             "controller.", self, "acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"
@@ -126,15 +118,6 @@ class Control:
             raise InputError(
                 f'commands.{unused[0]} is not taken by {where_from} = "{mode}", which takes '
                 f"{', '.join(used)}; remove it or choose another mode"
-            )
-        if mode == "seek" and not 0 < (command.slip_ratio or 0.0) < 1:
-            raise InputError(
-                f"commands.slip_ratio must be between 0 and 1 where a slip is sought, got {command.slip_ratio:g}; "
-                "seeking is driving: start from 0.05"
-            )
-        if mode == "seek" and self.law == "cascade":
-            raise InputError(
-                'controller.law = "cascade" cannot seek: it changes wheel speeds at 50 Hz; take another law'
             )
         if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
             raise InputError(
@@ -213,10 +196,10 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
         "slip-ratio": SlipRatioSlidingMode(sliding.uncertainty),
         "pid": SlipPid(),
     }
-    slip_loop = SlipController(wheel, laws[control.law], limits)
-    if control.mode == "seek":
-        return _seeking_loop(slip_loop, SetPointSeeker(control.objective, resistance_coefficient=RESISTANCE))
-    return _loop(slip_loop, lambda command: SlipCommand(command.slip_ratio, command.direction))
+    return _loop(
+        SlipController(wheel, laws[control.law], limits),
+        lambda command: SlipCommand(command.slip_ratio, command.direction),
+    )
 
 
 def _loop(loop: SpeedController | SlipController, asked: Callable[[WheelCommand], Any]) -> Controller:
@@ -227,32 +210,6 @@ def _loop(loop: SpeedController | SlipController, asked: Callable[[WheelCommand]
 
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         return loop.step(state, asked(command), m, dt_s)
-
-    return Controller(init, step)
-
-
-class SeekingLoop(NamedTuple):
-    """States of the slip controller and of the seeker; the commanded slip ratio and the one to hold."""
-
-    slip: SlipState
-    seeker: SeekerState
-    asked: Any
-    held: Any
-
-
-def _seeking_loop(loop: SlipController, seeker: SetPointSeeker) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> SeekingLoop:
-        zero = 0.0 * m.wheel_speed_rad_s
-        return SeekingLoop(loop.init(m)._replace(torque_Nm=torque_Nm), seeker.init(zero), zero, zero)
-
-    def step(state: SeekingLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
-        new = command.slip_ratio != state.asked
-        before = choose(new, seeker.init(command.slip_ratio + 0.0 * state.asked), state.seeker)
-        held = where(new, command.slip_ratio, state.held)
-        slip, torque, report = loop.step(state.slip, SlipCommand(held, command.direction), m, dt_s)
-        adhesion = command.direction * report.force_N / loop.wheel.load_N
-        after, set_point = seeker.step(before, report.slip_ratio, adhesion, dt_s)
-        return SeekingLoop(slip, after, command.slip_ratio + 0.0 * held, set_point.slip_ratio), torque, report
 
     return Controller(init, step)
 

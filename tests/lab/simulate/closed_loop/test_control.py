@@ -20,7 +20,6 @@ REST = Measurement(np.zeros(2), np.zeros(2), 0.0, np.zeros(2))
 COMMANDS = {
     "speed": Command(speed_m_s=0.5),
     "slip": Command(slip_ratio=0.12),
-    "seek": Command(slip_ratio=0.05),
     "torque": Command(torque_Nm=2.0),
     "wheel-speed": Command(speed_m_s=0.5),
     "ramp": Command(speed_m_s=0.5),
@@ -45,7 +44,6 @@ def test_every_mode_starts_a_robot_in_both_directions(mode):
     command = COMMANDS[mode]
     back = {
         "slip": Command(slip_ratio=0.12, reverse=True),
-        "seek": Command(slip_ratio=0.05, reverse=True),
         "torque": Command(torque_Nm=-2.0),
     }
     forward = torques(Control(mode), command)
@@ -117,8 +115,6 @@ def test_a_turn_asks_each_wheel_for_its_own_speed():
         ),
         (Control("slip"), Command(slip_ratio=0.1, yaw_rate_rad_s=1.0), "which takes slip_ratio, reverse; remove it"),
         (Control("speed"), Command(speed_m_s=0.1, mode="slip"), 'slip_ratio is missing; commands.mode = "slip"'),
-        (Control("seek"), Command(slip_ratio=-0.1), "must be between 0 and 1 where a slip is sought, got -0.1"),
-        (Control("seek", "cascade"), Command(slip_ratio=0.1), 'controller.law = "cascade" cannot seek'),
         (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within ± 12 .* got 20"),
     ],
 )
@@ -131,7 +127,6 @@ def test_commands_that_do_not_fit_are_refused(control, command, message):
     "make, message",
     [
         (lambda: Control("fly"), "controller.mode must be one of speed, slip, .* got 'fly'"),
-        (lambda: Control("seek", objective="fame"), "controller.objective must be one of traction, energy, got 'fame'"),
         (lambda: Command(mode="fly"), "commands.mode must be one of speed, slip, .* got 'fly'"),
         (lambda: Control("slip", "bang"), "controller.law must be one of sliding-mode, .* got 'bang'"),
         (lambda: Control(torque_limit_Nm=0.0), "controller.torque_limit_Nm must be > 0"),

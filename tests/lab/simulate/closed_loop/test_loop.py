@@ -278,17 +278,3 @@ def test_the_observer_of_momentum_serves_the_loop():
     assert largest_speed_error(run) < 0.02
     late = run.history.truth.time_s > 0.9
     assert np.abs(run.history.truth.slip_ratio[late, :2] - 0.12).max() < 0.03
-
-
-def test_a_sought_slip_moves_towards_the_peak():
-    seeking = replace(
-        ROLLING,
-        duration_s=4.0,
-        start_speed_m_s=0.5,
-        drag_N_s2_per_m2=64.0,
-        ground=(Patch(terrain="wet asphalt"),),
-        commands=(Command(slip_ratio=0.03),),
-        controller=Control("seek"),
-    )
-    target = closed_loop.run(seeking).history.report.slip_target[:, 0]
-    assert target[-100:].mean() > 0.06
