@@ -31,12 +31,10 @@ from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
 from ohmward.traction import Odometry
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward_lab.published import rc, rc_circuit
-from ohmward_lab.published.rc_joint import adaptive_soc_of
 from peak import peak_flops
 from peers import Contestant, contestants
 from timing import Goal, Section, Times, duration, measure, share, spread
-from workloads import CAPACITY_AH, Drive, cell_model, cell_problem, joint_ours, make_drive
+from workloads import Drive, cell_model, cell_problem, joint_ours, make_drive
 
 #: Operations that a floating-point unit does; comparisons, choices and table look-ups come on top.
 FLOPS = ("add", "subtract", "multiply", "divide", "sqrt", "negative", "absolute", "minimum", "maximum")
@@ -96,14 +94,11 @@ def machine_section(machine: Machine) -> Section:
 
 def public_filters() -> dict[str, Any]:
     """Public filters: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
-    ocv, noise = cell_model().ocv, start_noise()
-    total_F = rc_circuit.capacitance_for(CAPACITY_AH, ocv)
-    circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
+    noise = start_noise()
     return {
         DEFAULT: GaussianSumFilter(TheveninFilter(cell_model(), noise)),
         EXTENDED: TheveninFilter(cell_model(), noise),
         "unscented filter of the battery": TheveninFilter(cell_model(), noise, method="ukf"),
-        "RC joint AUKF of [T], 7 states": adaptive_soc_of(circuit).joint,
     }
 
 
@@ -133,9 +128,6 @@ def public_section(machine: Machine, repeats: int, steps: int) -> Section:
         cells = [duration(times[name, how].median) for how in ("python", "machine", "lanes", "f64", "f32")]
         peak = share(flops_of(step.expanded) / f64 / machine.peak["f64"])
         rows.append((name, *cells[:2], share(bound / one), *cells[2:], peak))
-        if "AUKF" in name:
-            goals.append(Goal(f"{name}, one log, Python source", times[name, "python"].median, 30e-6))
-            goals.append(Goal(f"{name}, {LOGS} logs, NumPy over lanes", times[name, "lanes"].median, 700e-9))
         if name in OVER_FILTERPY and not math.isnan(filterpy_s):
             what = f"{name}, one log: FilterPy's time for a UKF of 3 states over it"
             goals.append(Goal(what, filterpy_s / one, OVER_FILTERPY[name], "x", most=False))

@@ -29,7 +29,7 @@ from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
 from ohmward.trace import sign, table
 from ohmward_lab.published import rc_circuit
-from ohmward_lab.published.rc_joint import Nominal
+from ohmward_lab.published.rc import Nominal
 from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
 from ohmward_lab.simulate.voltage import simulate_voltage
 

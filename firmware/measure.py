@@ -59,7 +59,6 @@ FILTERS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("textbook-joint", {"style": "loops"}),
     ("published.rc-kf", {}),
     ("rc", {}),
-    ("published.rc-aukf", {}),
     ("ekf", {}),
     ("ekf", {"sample_time_s": 1.0}),
     ("published.aekf", {}),

@@ -258,7 +258,7 @@ METHODS: tuple[SocMethod, ...] = (
         "RC model, joint adaptive unscented filter, P0, Q0 and R0 of [T] (3.51)",
         lambda battery: SchemeSoc(SchemeByMethod(rc_of_thevenin(battery.thevenin))),
     ),
-    *map(_of_registry, ("published.rc-aukf", "textbook-ekf", "rc", "ekf", "ukf", "published.aukf")),
+    *map(_of_registry, ("textbook-ekf", "rc", "ekf", "ukf", "published.aukf")),
     SocMethod(DEFAULT, title_of("gsf"), lambda battery: make_estimator(chosen_name(DEFAULT), battery)),
 )
 

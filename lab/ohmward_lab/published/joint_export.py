@@ -20,9 +20,8 @@ from ohmward.trace import trace
 from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Function, Loops, members, places
 from ohmward.trace.program import Program
-from ohmward_lab.published.rc import rc_of_thevenin
-from ohmward_lab.published.rc_joint import PARAMETERS, nominal_of
-from ohmward_lab.published.textbook_joint import TextbookJoint
+from ohmward_lab.published.rc import nominal_of, rc_of_thevenin
+from ohmward_lab.published.textbook_joint import PARAMETERS, TextbookJoint
 
 #: Bytes of Thumb-2 code of the loops themselves, compiled with -Os.
 _CODE_BYTES = 690

@@ -24,7 +24,7 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.one_pair import one_pair
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_each_positive, require_finite
+from ohmward.checks import require_each_positive, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.quantities import SECONDS_PER_HOUR
@@ -103,9 +103,38 @@ def slow_resistance(p: Circuit | RcModel) -> Any:
     return uneven * uneven / D
 
 
+def dc_resistance(p: Circuit | RcModel) -> Any:
+    """R_0 + R_1 [ohm]: the resistance to a steady current."""
+    return instant_resistance(p) + slow_resistance(p)
+
+
 def four_numbers(p: Circuit | RcModel) -> tuple[Any, Any, Any, Any]:
     """C = C_b + C_s [F], R_0 and R_1 [ohm] and tau = 1 / `relaxation_rate` [s]: all that the voltage depends on."""
     return p.c_bulk_F + p.c_surface_F, instant_resistance(p), slow_resistance(p), 1 / relaxation_rate(p)
+
+
+class Nominal(NamedTuple):
+    """Elements with R_b = R_s, as in [T]: reference and start of the parameters that are estimated with the state."""
+
+    #: capacitances C_b and C_s [F]
+    c_bulk_F: float
+    c_surface_F: float
+    r_ohm: float  #: R_e = R_b = R_s [ohm]
+    r_terminal_ohm: float  #: R_t [ohm]
+
+
+def require_nominal(nominal: Nominal) -> None:
+    """Raise `InputError` unless every value of the circuit is > 0."""
+    for name, value in zip(Nominal._fields, nominal, strict=True):
+        require_positive(f"nominal.{name}", value)
+
+
+def nominal_of(model: RcModel) -> Nominal:
+    """Elements of the model with R_b = R_s: its own if they are equal, else [P]'s shares of the same DC resistance."""
+    if model.r_bulk_ohm == model.r_surface_ohm:
+        return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
+    r_total_ohm = dc_resistance(model) / (1 + BRANCH_SHARE / 2)
+    return Nominal(model.c_bulk_F, model.c_surface_F, BRANCH_SHARE * r_total_ohm, TERMINAL_SHARE * r_total_ohm)
 
 
 def relaxation_rate(p: Circuit | RcModel) -> Any:

@@ -30,7 +30,7 @@ from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
-from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate, slow_resistance
+from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate
 
 
 def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
@@ -43,11 +43,6 @@ def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
     if not span > 0:
         raise InputError(f"ocv.voltage_V must rise from SoC 0 to 1 to give a capacitance, but rises by {span:g} V")
     return SECONDS_PER_HOUR * capacity_Ah / span
-
-
-def dc_resistance(p: Circuit | RcModel) -> Any:
-    """R_0 + R_1 [ohm]: the resistance to a steady current."""
-    return instant_resistance(p) + slow_resistance(p)
 
 
 def next_state(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel, dt_s: Scalar) -> np.ndarray:

@@ -1,13 +1,13 @@
-"""State of charge by a linear Kalman filter on the RC model ([P] section 3, [T] 3.4.2).
+"""State of charge by a linear Kalman filter on the RC model ([P] section 3).
 
-    x = [V_cb, V_cs, model_error, offset, resistance(, soc)]
+    x = [V_cb, V_cs, model_error, offset, resistance]
 
-[P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve; [T] has V_cb, V_cs and soc. The other states keep
-sigma honest: `offset` [A] is the output of the current sensor at zero current, `resistance` the relative error of all
-resistances together; both are random walks, and the voltage is linear in both as long as the current is measured.
-`model_error` is the voltage error of the model in its own standard deviations, a Gauss-Markov state along SoC: constant
-while SoC is, and decorrelated after `model_soc_length`. Errors of a battery model are not white; treated as white noise
-they would average out, and the filter would be overconfident.
+[P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve. The other states keep sigma honest: `offset` [A] is
+the output of the current sensor at zero current, `resistance` the relative error of all resistances together; both are
+random walks, and the voltage is linear in both as long as the current is measured. `model_error` is the voltage error
+of the model in its own standard deviations, a Gauss-Markov state along SoC: constant while SoC is, and decorrelated
+after `model_soc_length`. Errors of a battery model are not white; treated as white noise they would average out, and
+the filter would be overconfident.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from ohmward.battery.soc.coulomb import charge_variance
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
-from ohmward.checks import require_one_of, require_positive
+from ohmward.checks import require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -44,70 +44,7 @@ from ohmward.trace.expression import Scalar
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc import Circuit, RcModel
 
-BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
-
-
-@dataclass(frozen=True)
-class SocAsState:
-    """SoC is a state that counts charge, d soc/dt = i / Q, and V_cb lies on a straight OCV line ([T] 3.4.2).
-
-    SoC does not change when the circuit's capacitances do. The voltage corrects it through the errors that it shares
-    with V_cb and V_cs: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
-    """
-
-    model: RcModel
-    noise: BatteryNoise
-    soc_is_state = True
-
-    def ocv_V(self, soc: Scalar) -> Scalar:
-        """Open-circuit voltage [V] on the line, which passes through the middle of the curve."""
-        return self._empty_V + self._slope_V * soc
-
-    def slope_V(self, soc: Scalar) -> Scalar:
-        """Slope of the line [V per unit of SoC]."""
-        return self._slope_V
-
-    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
-        """Process variance of the voltages due to curvature of the OCV [V^2 per unit of SoC moved]: zero."""
-        return 0.0
-
-    def model_std_V(self, soc: Scalar) -> Scalar:
-        """Standard deviation of the model's voltage error [V], that of the line included."""
-        return on_soc_grid(self._model_std_V, soc)
-
-    def soc(self, x: np.ndarray) -> Scalar:
-        """State of charge in state x."""
-        return x[SOC]
-
-    def soc_variance(self, belief: Belief) -> Scalar:
-        """Variance of SoC."""
-        return maximum(belief.cov[SOC, SOC], 0.0)
-
-    def project(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with its SoC projected into [0, 1], and the condition that it had to be."""
-        return project(belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
-
-    @cached_property
-    def _slope_V(self) -> float:
-        return float(line_slope_V(self.model, self.model.capacity_As))
-
-    @cached_property
-    def _empty_V(self) -> float:
-        """Voltage of the line [V] at SoC 0."""
-        soc, ocv_V = curve_on_grid(self.model)
-        return float(np.median(ocv_V - self._slope_V * soc))
-
-    @cached_property
-    def _model_std_V(self) -> tuple[float, ...]:
-        """Model error [V] on a uniform grid of SoC.
-
-        The distance of the curve from the line has zeros, but at a SoC that is itself uncertain, so it counts as at
-        least its root mean square between 10 and 90 %.
-        """
-        soc, ocv_V = curve_on_grid(self.model)
-        curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
-        usual_V = np.sqrt(np.mean(curvature_V[(soc > 0.1) & (soc < 0.9)] ** 2))
-        return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
+BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE = range(5)
 
 
 #: Points of the inverse curve over voltage.
@@ -125,7 +62,6 @@ class SocByCurve:
 
     model: RcModel
     noise: BatteryNoise
-    soc_is_state = False
 
     def ocv_V(self, soc: Scalar) -> Scalar:
         """Open-circuit voltage [V] at the curve's reference temperature."""
@@ -137,12 +73,8 @@ class SocByCurve:
 
     def curvature_variance_V2(self, soc: Scalar) -> Scalar:
         """Process variance of both voltages [V^2 per unit of SoC moved] where the curve is not the straight line."""
-        curvature_V = self.slope_V(soc) - line_slope_V(self.model, self.model.capacity_As)
+        curvature_V = self.slope_V(soc) - line_slope_V(self.model)
         return curvature_V**2 * 2 * self.noise.model_soc_length
-
-    def model_std_V(self, soc: Scalar) -> Scalar:
-        """Standard deviation of the model's voltage error [V]."""
-        return self.noise.model_std_at(soc)
 
     def soc(self, x: np.ndarray) -> Scalar:
         """State of charge in [0, 1] in state x."""
@@ -157,7 +89,12 @@ class SocByCurve:
 
     def project(self, belief: Belief) -> tuple[Belief, Scalar]:
         """The belief with its open-circuit voltage projected onto the curve, and the condition that it had to be."""
-        return project(belief, self.open_circuit, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
+        row, (mean, P) = self.open_circuit, belief
+        value = row @ mean
+        excess = value - clip(value, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
+        common = P @ row
+        projected = mean - common * (excess / maximum(row @ common, 1e-30))
+        return Belief(projected, P), abs(excess) > 0.0
 
     def soc_beyond(self, ocv_V: Scalar) -> Scalar:
         """SoC at which the curve passes `ocv_V`, without limits: the inverse curve goes on as a straight line."""
@@ -180,50 +117,22 @@ class SocByCurve:
     @cached_property
     def _slopes_V(self) -> tuple[float, ...]:
         """Slope of the OCV curve on a uniform grid of SoC."""
-        soc, ocv_V = curve_on_grid(self.model)
-        return tuple(np.gradient(ocv_V, soc).tolist())
+        soc = np.linspace(0.0, 1.0, 101)
+        return tuple(np.gradient(self.ocv_V(soc), soc).tolist())
 
 
-def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
+def line_slope_V(model: RcModel) -> float:
     """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line that the capacitances represent."""
-    return capacity_As / (p.c_bulk_F + p.c_surface_F)
-
-
-def project(belief: Belief, row: np.ndarray, low: float, high: float) -> tuple[Belief, Scalar]:
-    """The belief with row @ x projected into [low, high] along its covariance, and the condition that it had to be."""
-    mean, P = belief
-    value = row @ mean
-    excess = value - clip(value, low, high)
-    common = P @ row
-    projected = mean - common * (excess / maximum(row @ common, 1e-30))
-    return Belief(projected, P), abs(excess) > 0.0
-
-
-def curve_on_grid(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
-    """OCV curve at its reference temperature on a uniform grid of SoC."""
-    soc = np.linspace(0.0, 1.0, 101)
-    return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)
-
-
-#: Links between state of charge and voltage, by their name in `RcFilter.soc_as`.
-_LINKS: dict[str, type[SocAsState | SocByCurve]] = {"state": SocAsState, "curve": SocByCurve}
+    return model.capacity_As / (model.c_bulk_F + model.c_surface_F)
 
 
 class RcFilterState(NamedTuple):
     """State of the filter between two samples: plain numbers."""
 
-    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    belief: PackedBelief  #: mean (5,) and lower triangle of the covariance
     current_A: Scalar  #: of the sample before
     rejected_s: Scalar  #: time for which the voltage has been outside its gate
     unknown_s: Scalar  #: time for which the current has not been known
-
-
-class RcParameters(NamedTuple):
-    """Circuit that is estimated elsewhere, sample by sample, and its relative errors."""
-
-    circuit: rc.Circuit
-    capacitance_std: Any = 0.0  #: adds up over a full charge
-    resistance_std: Any = 0.0  #: of the overpotential
 
 
 class RcUpdate(NamedTuple):
@@ -245,15 +154,11 @@ class RcFilter:
     model: rc.RcModel  #: the circuit and its OCV curve
     noise: BatteryNoise = field(default_factory=BatteryNoise)  #: of voltage and model
     sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
-    #: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse OCV
-    #: curve at the mean voltage of the capacitors
-    soc_as: str = "state"
     gap_s: float = CURRENT_GAP_S  #: in a longer step the current between the two samples is unknown
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
 
     def __post_init__(self) -> None:
-        require_one_of("soc_as", self.soc_as, _LINKS)
         require_positive("gap_s", self.gap_s)
         require_gate(self.gate, self.reset_after_s)
 
@@ -263,9 +168,9 @@ class RcFilter:
         return sample_limits(self.thevenin, self.gap_s)
 
     @cached_property
-    def link(self) -> SocAsState | SocByCurve:
+    def link(self) -> SocByCurve:
         """The link between state of charge and voltage."""
-        return _LINKS[self.soc_as](self.model, self.noise)
+        return SocByCurve(self.model, self.noise)
 
     @cached_property
     def thevenin(self) -> Thevenin:
@@ -299,41 +204,36 @@ class RcFilter:
         noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
         resistance_std = sqrt(noise.resistance_variance(coldness))
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.sensor.offset_std_A
-        mean = self.vector(bulk_V=ocv_V, surface_V=ocv_V, soc=start.soc)
-        common = self.charge_direction(self.link.slope_V(start.soc)) * start.std
-        own = self.vector(
-            surface_V=past_V, model_error=1.0, offset_A=self.sensor.offset_std_A, resistance=resistance_std
-        )
+        mean = np.array([ocv_V, ocv_V, 0.0, 0.0, 0.0])
+        common = charge_direction(self.link.slope_V(start.soc)) * start.std
+        own = np.array([0.0, past_V, 1.0, self.sensor.offset_std_A, resistance_std])
         return Belief(mean, np.outer(common, common) + np.diag(own**2))
 
-    def step(
-        self, state: RcFilterState, sample: SocSample, parameters: RcParameters | None = None
-    ) -> tuple[RcFilterState, SocEstimate]:
-        """State and estimate after a sample; `parameters` replace the model's where they are given."""
+    def step(self, state: RcFilterState, sample: SocSample) -> tuple[RcFilterState, SocEstimate]:
+        """State and estimate after a sample."""
         clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits, state.unknown_s)
-        parameters = parameters or RcParameters(rc_circuit.circuit_at(self.model, clean.now.temperature_degC))
-        prior = self.predict(unpack(state.belief), clean, parameters)
-        update = self.correct(prior, state.rejected_s, clean, parameters)
+        p = rc_circuit.circuit_at(self.model, clean.now.temperature_degC)
+        prior = self.predict(unpack(state.belief), clean, p)
+        update = self.correct(prior, state.rejected_s, clean, p)
         posterior, limited = self.link.project(update.belief)
         flags = clean.flags + update.flags + flags_of({SocFlag.SOC_LIMITED: limited})
         after = RcFilterState(pack(posterior), clean.now.current_A, update.rejected_s, clean.unknown_s)
         return after, self.estimate(posterior, update, flags)
 
-    def predict(self, belief: Belief, clean: CleanSocSample, parameters: RcParameters) -> Belief:
+    def predict(self, belief: Belief, clean: CleanSocSample, p: Circuit) -> Belief:
         """The belief after the step, before the correction by its voltage."""
         current_A = clean.mean.current_A
         moved = abs(current_A) * clean.dt_s / self.model.capacity_As
         decay = self.error_decay(moved)
-        F, B = self.transition(parameters.circuit, decay, clean.dt_s)
-        Q = self.process_noise(belief.mean, clean, moved, decay, parameters)
+        F, B = self.transition(p, decay, clean.dt_s)
+        Q = self.process_noise(belief.mean, clean, moved, decay)
         return kalman.predict(belief, F, Q, B * current_A)
 
-    def transition(self, p: rc.Circuit | rc.RcModel, decay: Scalar, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
-        """F (n, n) and B (n,) of the step x+ = F x + B i_measured; decay: factor of the model error."""
+    def transition(self, p: Circuit, decay: Scalar, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
+        """F (5, 5) and B (5,) of the step x+ = F x + B i_measured; decay: factor of the model error."""
         A, b = rc_circuit.transition(p, dt_s)
-        B = self.vector(bulk_V=b[0], surface_V=b[1], soc=dt_s / self.model.capacity_As)
-        diagonal = self.vector(model_error=decay, offset_A=1.0, resistance=1.0, soc=1.0)
-        F = _block_diagonal(A, np.diag(diagonal[MODEL_ERROR:]))
+        B = np.array([*b, 0.0, 0.0, 0.0])
+        F = _block_diagonal(A, np.diag(np.array([decay, 1.0, 1.0])))
         F[:, OFFSET] -= B  # the true current is the measured one less the offset
         return F, B
 
@@ -341,39 +241,29 @@ class RcFilter:
         """Decay factor of the model error after SoC has moved by this."""
         return exp(-moved / self.noise.model_soc_length)
 
-    def process_noise(
-        self, x: np.ndarray, clean: CleanSocSample, moved: Scalar, decay: Scalar, parameters: RcParameters
-    ) -> np.ndarray:
-        """Q (n, n) of a step in which SoC moves by `moved`, without sign."""
-        noise, p = self.noise, parameters.circuit
-        slope_V = line_slope_V(p, self.model.capacity_As)
-        direction = self.charge_direction(slope_V)
+    def process_noise(self, x: np.ndarray, clean: CleanSocSample, moved: Scalar, decay: Scalar) -> np.ndarray:
+        """Q (5, 5) of a step in which SoC moves by `moved`, without sign."""
+        noise = self.noise
+        direction = charge_direction(line_slope_V(self.model))
         gain_variance = noise.capacity_std**2 + self.sensor.gain_std**2
         charge = charge_variance(clean, self.sensor, self.thevenin) + gain_variance * moved
-        uneven_V2 = (slope_V * parameters.capacitance_std) ** 2 + self.link.curvature_variance_V2(self.link.soc(x))
-        walks = self.vector(
-            model_error=1 - decay**2,
-            offset_A=self.sensor.offset_walk_variance(clean.dt_s),
-            resistance=noise.resistance_walk_variance(clean.dt_s),
-        )
-        own = _block_diagonal(np.full((2, 2), uneven_V2 * moved), np.diag(walks[MODEL_ERROR:]))
+        uneven_V2 = self.link.curvature_variance_V2(self.link.soc(x))
+        offset_A2 = self.sensor.offset_walk_variance(clean.dt_s)
+        walks = np.array([1 - decay**2, offset_A2, noise.resistance_walk_variance(clean.dt_s)])
+        own = _block_diagonal(np.full((2, 2), uneven_V2 * moved), np.diag(walks))
         return own + np.outer(direction * charge, direction)
 
-    def charge_direction(self, slope_V: Scalar) -> np.ndarray:
-        """Change of the state (n,) by a charge error of one full capacity: it moves all states that count charge."""
-        return self.vector(bulk_V=slope_V, surface_V=slope_V, soc=1.0)
-
-    def correct(self, prior: Belief, rejected_s: Scalar, clean: CleanSocSample, parameters: RcParameters) -> RcUpdate:
+    def correct(self, prior: Belief, rejected_s: Scalar, clean: CleanSocSample, p: Circuit) -> RcUpdate:
         """The belief after the voltage of this step.
 
         A filter that has diverged was overconfident: it inflates its covariance until the voltage lies at the edge of
         its gate, at every sample until a voltage passes.
         """
-        p, current_A = parameters.circuit, clean.now.current_A
+        current_A = clean.now.current_A
         soc = self.link.soc(prior.mean)
         over_V = self.overpotential(prior.mean, current_A, p)
         H = self.output(p, self.model_std_V(soc, clean), over_V)
-        R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), parameters.resistance_std, soc)
+        R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), soc)
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         y = where(clean.voltage_measured, clean.voltage_V, y_hat)
         prior_V2 = (H @ prior.cov @ H.T)[0, 0]
@@ -394,45 +284,31 @@ class RcFilter:
             flags=flags_of({SocFlag.VOLTAGE_REJECTED: rejected, SocFlag.DIVERGED: diverged}),
         )
 
-    def overpotential(self, x: np.ndarray, current_A: Scalar, p: rc.Circuit | rc.RcModel) -> Scalar:
+    def overpotential(self, x: np.ndarray, current_A: Scalar, p: Circuit) -> Scalar:
         """Voltage beyond V_cb [V] in state x at the measured current, with the resistances of p."""
         return rc_circuit.voltage(x[:2], current_A - x[OFFSET], p)[0] - x[BULK]
 
-    def output(self, p: rc.Circuit | rc.RcModel, model_std_V: Scalar, overpotential_V: Scalar) -> np.ndarray:
-        """H (1, n): the voltage is H x + `rc.instant_resistance` * measured current."""
+    def output(self, p: Circuit, model_std_V: Scalar, overpotential_V: Scalar) -> np.ndarray:
+        """H (1, 5): the voltage is H x + `rc.instant_resistance` * measured current."""
         bulk_share, surface_share = rc.divider(p)
-        row = self.vector(
-            bulk_V=surface_share,
-            surface_V=bulk_share,
-            model_error=model_std_V,
-            offset_A=-rc.instant_resistance(p),
-            resistance=overpotential_V,
-        )
-        return row[None]
+        return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p), overpotential_V]])
 
     def model_std_V(self, soc: Scalar, clean: CleanSocSample) -> Scalar:
         """Standard deviation of the model's voltage error [V] at this SoC and temperature."""
-        own_V, per_K = self.link.model_std_V(soc), self.noise.ocv_std_V_per_K
+        own_V, per_K = self.noise.model_std_at(soc), self.noise.ocv_std_V_per_K
         if per_K == 0.0:
             return own_V
         away_K = clean.now.temperature_degC - self.model.ocv.reference_degC
         return sqrt(own_V**2 + (per_K * away_K) ** 2)
 
-    def voltage_variance(
-        self,
-        clean: CleanSocSample,
-        overpotential_V: Scalar,
-        slope_V: Scalar,
-        resistance_std: Scalar = 0.0,
-        soc: Scalar = 0.5,
-    ) -> Scalar:
+    def voltage_variance(self, clean: CleanSocSample, overpotential_V: Scalar, slope_V: Scalar, soc: Scalar) -> Scalar:
         """R [V^2] of a step: white noise, and errors that persist for `correlation_s` and count once in that time.
 
         overpotential_V: voltage beyond the open circuit's.  slope_V: slope of the open-circuit voltage per unit of SoC.
-        resistance_std: further relative error of the overpotential.  soc: at which `overpotential_share` is taken.
+        soc: at which `overpotential_share` is taken.
         """
         noise = self.noise
-        share2 = noise.overpotential_share_at(soc) ** 2 + resistance_std**2
+        share2 = noise.overpotential_share_at(soc) ** 2
         if noise.activation_std_K:
             share2 = share2 + (noise.activation_std_K * self.coldness(clean.now.temperature_degC)) ** 2
         over_V2 = share2 * overpotential_V**2
@@ -454,18 +330,10 @@ class RcFilter:
             flags=flags,
         )
 
-    def vector(
-        self,
-        bulk_V: Scalar = 0.0,
-        surface_V: Scalar = 0.0,
-        model_error: Scalar = 0.0,
-        offset_A: Scalar = 0.0,
-        resistance: Scalar = 0.0,
-        soc: Scalar = 0.0,
-    ) -> np.ndarray:
-        """Vector (n,) of these elements in the order of the state; without `soc` where that is not a state."""
-        elements = [bulk_V, surface_V, model_error, offset_A, resistance, soc]
-        return np.array(elements if self.link.soc_is_state else elements[:SOC])
+
+def charge_direction(slope_V: Scalar) -> np.ndarray:
+    """Change of the state (5,) by a charge error of one full capacity: it moves both capacitors."""
+    return np.array([slope_V, slope_V, 0.0, 0.0, 0.0])
 
 
 def _block_diagonal(a: np.ndarray, b: np.ndarray) -> np.ndarray:

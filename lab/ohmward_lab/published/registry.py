@@ -12,7 +12,6 @@ from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
 from ohmward_lab.published.rc import rc_of_thevenin
 from ohmward_lab.published.rc_filter import RcFilter
-from ohmward_lab.published.rc_joint import adaptive_soc_of
 
 
 @dataclass(frozen=True)
@@ -26,12 +25,7 @@ class GivenStart(TextbookFilter):
 
 def _by_curve(battery: Battery, settings: EstimatorSettings) -> RcFilter:
     noise = one_pair_noise(battery.thevenin, battery.noise)
-    return RcFilter(rc_of_thevenin(battery.thevenin), noise, battery.sensor, "curve", settings.gap_s)
-
-
-def _adaptive_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    noise = one_pair_noise(battery.thevenin, battery.noise)
-    return adaptive_soc_of(rc_of_thevenin(battery.thevenin), noise, battery.sensor)
+    return RcFilter(rc_of_thevenin(battery.thevenin), noise, battery.sensor, settings.gap_s)
 
 
 def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:
@@ -43,7 +37,4 @@ PUBLISHED: dict[str, Choice] = {
     "published.aukf": Choice("Thevenin model, adaptive unscented Kalman filter", thevenin_filter("ukf", matching=True)),
     "published.hybrid": Choice("Thevenin model, initialised and corrected at rests by the RC model", _hybrid),
     "published.rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", _by_curve),
-    "published.rc-aukf": Choice(
-        "RC model, joint adaptive unscented filter of its parameters feeding rc", _adaptive_soc
-    ),
 }

@@ -37,7 +37,6 @@ from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, where
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import SocByCurve
-from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
 
 METHODS = ("ekf", "aekf", "ukf", "aukf")
 #: [T] (3.51): diagonals of P0 and Q0, in the squared units of the state, and R0 [V^2]; L of (3.50).
@@ -89,12 +88,12 @@ class SchemeByMethod:
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
         require_between("window", self.window, 1.0, np.inf)
-        require_nominal(self.nominal)
+        rc.require_nominal(self.nominal)
 
     @cached_property
-    def nominal(self) -> Nominal:
+    def nominal(self) -> rc.Nominal:
         """The offline circuit with R_b = R_s."""
-        return nominal_of(self.model)
+        return rc.nominal_of(self.model)
 
     @property
     def parameters(self) -> np.ndarray:

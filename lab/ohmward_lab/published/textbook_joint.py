@@ -14,8 +14,7 @@ in place of R_t this needs no division.
 
 The filter assumes an exact current, and a sigma point may have a negative capacitance. Euler steps make C_s too large
 by half a step over the time constant, a share dt (1/C_b + 1/C_s) / (4 R_e), and are unstable where that exceeds one.
-`RcJoint` has none of these limitations. This one is the published filter, for comparison, and fits into a small
-microcontroller.
+This is the published filter, for comparison, and fits into a small microcontroller.
 """
 
 from __future__ import annotations
@@ -36,9 +35,13 @@ from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward_lab.published.rc_joint import BULK, PARAMETERS, SURFACE, TERMINAL, Nominal, require_nominal
+from ohmward_lab.published.rc import Nominal, require_nominal
 
-STATES = 7
+#: Number of parameters, the first elements of the state.
+PARAMETERS = 4
+#: Indices of the voltages in the state.
+BULK, SURFACE, TERMINAL = range(PARAMETERS, PARAMETERS + 3)
+STATES = TERMINAL + 1
 
 #: Parameters are kept above this share of their nominal values.
 LEAST = 0.02

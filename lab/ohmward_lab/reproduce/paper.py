@@ -140,7 +140,7 @@ def estimators(case: PaperCase) -> dict[str, Battery | Estimator]:
         "T2RC + UKF": GivenStart(battery.thevenin, battery.noise, battery.sensor),
         "hybrid": Hybrid(
             TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A),
-            RcFilter(case.rule, case.rule_noise, battery.sensor, "curve"),
+            RcFilter(case.rule, case.rule_noise, battery.sensor),
         ),
         "default": battery,
     }

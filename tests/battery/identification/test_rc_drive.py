@@ -45,7 +45,7 @@ def test_a_drive_in_the_cold_is_a_reference_of_its_own(drive):
     model = rc_of_thevenin(battery.thevenin)
     assert model.ocv.reference_degC == -5.0
     np.testing.assert_allclose(model.circuit, EVEN, rtol=0.02)
-    assert rc_circuit.dc_resistance(rc_circuit.circuit_at(model, 25.0)) < 0.8 * rc_circuit.dc_resistance(EVEN)
+    assert rc.dc_resistance(rc_circuit.circuit_at(model, 25.0)) < 0.8 * rc.dc_resistance(EVEN)
     assert battery.noise.activation_std_K == chemistry_prior("").activation_std_K
     assert any("as usual for batteries" in sentence for sentence in battery.not_identified)
 

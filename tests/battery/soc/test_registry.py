@@ -54,6 +54,6 @@ def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
 
 def test_refusals():
     with pytest.raises(
-        InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* published.rc-aukf, got 'kf'"
+        InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* published.rc-kf, got 'kf'"
     ):
         make_estimator("kf", BATTERY)

@@ -14,8 +14,8 @@ from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
 
 each = pytest.mark.parametrize("name", PUBLISHED)
-#: RC + KF, and its adaptive form which feeds it, overflow singles by months, time and again.
-OVERFLOWS = {"published.rc-kf", "published.rc-aukf"}
+#: RC + KF overflows singles by months, time and again.
+OVERFLOWS = {"published.rc-kf"}
 
 
 @each

@@ -39,7 +39,7 @@ def test_without_a_rest_it_is_the_thevenin_filter():
     thevenin = TheveninFilter(NMC, NOISE)
     _, alone = scan(thevenin, columns, 0.8)
     unsure = BatteryNoise(model_std_V=(0.2, 0.2))
-    _, both = scan(Hybrid(thevenin, RcFilter(RC, unsure, soc_as="curve")), columns, 0.8)
+    _, both = scan(Hybrid(thevenin, RcFilter(RC, unsure)), columns, 0.8)
     assert both.soc == pytest.approx(alone.soc, abs=1e-12)
     assert both.soc_std == pytest.approx(alone.soc_std, abs=1e-12)
 
@@ -48,7 +48,7 @@ def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
     current_A = np.concatenate([drive(np.random.default_rng(1), 1200, rest_every=10**6), np.zeros(2400)])
     columns = samples(simulate(NMC, current_A, 0.8), 0.0, NOISE)
     unsure, sensor = BatteryNoise(model_std_V=(0.3, 0.3), capacity_std=0.1), CurrentSensor(offset_std_A=0.5)
-    hybrid = Hybrid(TheveninFilter(NMC, unsure, sensor), RcFilter(RC, NOISE, soc_as="curve"))
+    hybrid = Hybrid(TheveninFilter(NMC, unsure, sensor), RcFilter(RC, NOISE))
     _, estimates = scan(hybrid, columns, 0.8)
     corrections = np.flatnonzero(estimates.flags.astype(int) & SocFlag.REST)
     assert len(corrections) == 1
@@ -58,14 +58,12 @@ def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
 
 def test_it_finds_the_truth_from_a_wrong_start():
     truth = simulate(NMC, drive(np.random.default_rng(2), 5400, mean_A=-0.3), 0.85)
-    _, estimates = scan(
-        Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, soc_as="curve")), samples(truth, 0.03, NOISE), 0.4
-    )
+    _, estimates = scan(Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE)), samples(truth, 0.03, NOISE), 0.4)
     assert abs(estimates.soc[-1] - truth.soc[-1]) < 0.02
 
 
 def test_a_clock_that_is_set_is_no_rest():
-    hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, soc_as="curve"))
+    hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE))
     state = hybrid.init(SocSample(0.0, 0.0, 3.7, 25.0), 0.5)
     later, estimate = hybrid.step(state, SocSample(1.5e9, 0.0, 3.7, 25.0))
     assert int(estimate.flags) & SocFlag.BAD_TIME and not int(estimate.flags) & SocFlag.REST

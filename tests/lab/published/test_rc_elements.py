@@ -54,7 +54,7 @@ def test_every_start_model_has_one(name):
     model = start_model(name, 12.0, 4)
     found = rc_of_thevenin(model)
     steady_ohm = model.r0_discharge_ohm[0] + sum(row[0] for row in model.r_ohm)
-    assert rc_circuit.dc_resistance(found) == pytest.approx(steady_ohm)
+    assert rc.dc_resistance(found) == pytest.approx(steady_ohm)
     assert min(model.tau_s) < 1 / rc.relaxation_rate(found) < max(model.tau_s)
     slope_V = model.capacity_As / sum(found.circuit[:2])
     rise_V = float(model.ocv.mean_V(0.8, 25.0)) - float(model.ocv.mean_V(0.2, 25.0))

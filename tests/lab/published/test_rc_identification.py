@@ -190,7 +190,7 @@ def test_samples_slower_than_the_relaxation_leave_the_resistances():
     """A minute between samples: R_0 and R_1 together are right."""
     run = simulate(EVEN, 600, 0, dt_s=60.0, voltage_std_V=0.002, current_std_A=0.02)
     found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
-    assert rc_circuit.dc_resistance(found.model) == pytest.approx(rc_circuit.dc_resistance(EVEN), rel=0.15)
+    assert rc.dc_resistance(found.model) == pytest.approx(rc.dc_resistance(EVEN), rel=0.15)
 
 
 def test_without_a_curve_its_bend_is_not_taken_for_a_slow_relaxation():

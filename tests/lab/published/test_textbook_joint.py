@@ -13,7 +13,7 @@ from ohmward.filters import adaptive
 from ohmward.filters.belief import unpack
 from ohmward.trace import trace
 from ohmward_lab.published import rc, rc_circuit
-from ohmward_lab.published.rc_joint import Nominal
+from ohmward_lab.published.rc import Nominal
 from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
 from published.rc_examples import EVEN, drive, rates_with_voltage, simulate
 

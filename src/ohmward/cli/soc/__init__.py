@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="default",
         metavar="NAME",
         help="ekf, ukf, gsf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default gsf); as "
-        "published: published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
+        "published: published.aekf, published.aukf, published.hybrid, published.rc-kf",
     )
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv, .parquet or .mcap")

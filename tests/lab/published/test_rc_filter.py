@@ -1,8 +1,7 @@
-"""State of charge on the RC model: three estimators of one shape, on simulated and on measured batteries."""
+"""State of charge by the Kalman filter on the RC model, on simulated and on measured batteries."""
 
 import math
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,11 +22,9 @@ from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import (
     MODEL_ERROR,
     RcFilter,
-    RcParameters,
     SocByCurve,
 )
 from ohmward_lab.published.rc_identification import identify_rc
-from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
 from published.rc_examples import EVEN, UNEVEN, log_of, model_of, simulate
 
 NAN = math.nan
@@ -42,12 +39,7 @@ NOISE = BatteryNoise(
     resistance_std=0.001,
 )
 SENSOR = CurrentSensor(noise_std_A=0.02, gain_std=0.0)
-ESTIMATORS: dict[str, Any] = {
-    "curve": RcFilter(MODEL, NOISE, SENSOR, soc_as="curve"),
-    "state": RcFilter(MODEL, NOISE, SENSOR),
-    "scheme": adaptive_soc_of(MODEL, NOISE, SENSOR),
-}
-ALL = pytest.mark.parametrize("name", ESTIMATORS)
+ESTIMATOR = RcFilter(MODEL, NOISE, SENSOR)
 
 
 def simulated(seed=0, count=1500, **options):
@@ -59,50 +51,35 @@ def cleaned(dt_s):
     return sanitize(SocSample(dt_s, 1.0, 12.0, NAN), CircuitInput(1.0, 25.0), SampleLimits(600.0))
 
 
-def estimated(name, samples, soc=None, soc_std=0.03):
+def estimated(samples, soc=None, soc_std=0.03):
     """Estimates (T,) of one log."""
-    return scan(ESTIMATORS[name], samples, soc, soc_std)[1]
+    return scan(ESTIMATOR, samples, soc, soc_std)[1]
 
 
-@ALL
-def test_wrong_start_is_overruled_by_the_voltage(name):
+def test_wrong_start_is_overruled_by_the_voltage():
     run = simulated(soc=0.6)
-    found = estimated(name, run.samples, soc=0.9)
+    found = estimated(run.samples, soc=0.9)
     assert np.abs(found.soc - run.soc)[200:].max() < 0.02
     assert not np.any(found.flags)
 
 
-@ALL
-def test_current_offset_is_found_and_does_not_drag_the_charge(name):
+def test_current_offset_is_found_and_does_not_drag_the_charge():
     run = simulated(count=6000, offset_A=0.06)
-    found = estimated(name, run.samples)
+    found = estimated(run.samples)
     assert np.abs(found.soc - run.soc)[3000:].max() < 0.02
-    if name != "scheme":
-        assert found.current_offset_A[-1] == pytest.approx(0.06, abs=0.02)
+    assert found.current_offset_A[-1] == pytest.approx(0.06, abs=0.02)
 
 
-@ALL
-def test_sigma_covers_the_error(name):
+def test_sigma_covers_the_error():
     """Start, offset and noise drawn from what the filter assumes: 95 % lie within two sigma, and not far within."""
     rng, inside, sizes = np.random.default_rng(8), [], []
     for seed in range(24):
         run = simulated(seed, 800, offset_A=0.05 * rng.standard_normal(), soc=rng.uniform(0.5, 0.95))
-        found = estimated(name, run.samples, run.soc[0] + 0.03 * rng.standard_normal())
+        found = estimated(run.samples, run.soc[0] + 0.03 * rng.standard_normal())
         inside.append(np.abs(found.soc - run.soc)[[50, 200, 799]] < 2 * found.soc_std[[50, 200, 799]])
         sizes.append(np.abs(found.soc - run.soc)[799] / found.soc_std[799])
     assert np.mean(inside) > 0.85
     assert np.mean(sizes) > 0.05
-
-
-def test_curve_and_state_agree_where_the_curve_is_straight():
-    """[P]'s inverse curve and [T]'s third state are the same filter on a battery with a straight OCV line.
-
-    But for the first surface voltage, whose uncertain charge is in the curve's SoC and not in the state's.
-    """
-    run = simulated(offset_A=0.05, soc=0.8)
-    by_curve, by_state = (estimated(name, run.samples, 0.75) for name in ("curve", "state"))
-    np.testing.assert_allclose(by_curve.soc, by_state.soc, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(by_curve.voltage_V, by_state.voltage_V, rtol=0, atol=1e-4)
 
 
 def test_without_doubts_it_is_the_textbook_filter():
@@ -115,7 +92,7 @@ def test_without_doubts_it_is_the_textbook_filter():
     )
     sensor = replace(SENSOR, offset_std_A=0.0, offset_walk_A=0.0)
     estimator, run = (
-        RcFilter(model_of(UNEVEN), noise, sensor, soc_as="curve"),
+        RcFilter(model_of(UNEVEN), noise, sensor),
         simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8),
     )
     state = estimator.init(row(run.samples, 0), soc=0.7, soc_std=0.1)
@@ -141,7 +118,7 @@ def test_without_doubts_it_is_the_textbook_filter():
 def test_system_is_linear_in_offset_and_output_in_resistance():
     """F, B and H against the model's own step and output."""
     x = np.array([12.5, 12.4, 0.7, 0.3, 0.1])
-    estimator = RcFilter(model_of(UNEVEN), soc_as="curve")
+    estimator = RcFilter(model_of(UNEVEN))
     F, B = estimator.transition(UNEVEN, 0.9, 2.0)
     after = F @ x + B * 5.0
     np.testing.assert_allclose(after[:2], rc_circuit.next_state(x[:2], 5.0 - 0.3, UNEVEN, 2.0), atol=1e-12)
@@ -160,7 +137,7 @@ def test_model_error_lives_along_charge():
     assert estimator.error_decay(0.1) == pytest.approx(math.exp(-1))
     decay = estimator.error_decay(0.04)
     x = unpack(estimator.init(SocSample(0.0, 0.0, 12.5, NAN)).belief).mean
-    Q = estimator.process_noise(x, cleaned(1.0), 0.04, decay, RcParameters(EVEN))
+    Q = estimator.process_noise(x, cleaned(1.0), 0.04, decay)
     assert decay**2 + Q[MODEL_ERROR, MODEL_ERROR] == pytest.approx(1.0)
 
 
@@ -169,7 +146,7 @@ def test_resistance_error_is_found():
     worn = rc.Circuit(*EVEN[:2], *(1.3 * r for r in EVEN[2:]))
     noise = replace(NOISE, resistance_std=0.3)
     run = simulate(worn, 3000, 5, voltage_std_V=0.002, soc=0.9)
-    found = SocEstimator(RcFilter(MODEL, noise, SENSOR, soc_as="curve")).run(log_of(run.samples)).estimates
+    found = SocEstimator(RcFilter(MODEL, noise, SENSOR)).run(log_of(run.samples)).estimates
     assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.05)
     assert np.abs(found.soc - run.soc)[500:].max() < 0.02
 
@@ -202,23 +179,11 @@ def test_a_curve_of_another_temperature_is_model_error():
         assert rc_filter.model_std_V(0.5, clean) == pytest.approx(std_V)
 
 
-def test_scheme_tells_capacity_and_resistance():
-    worn = rc.Circuit(0.85 * EVEN[0], 0.85 * EVEN[1], *(1.3 * r for r in EVEN[2:]))
-    run = simulate(worn, 5000, 6, voltage_std_V=0.002, soc=0.9)
-    found = (
-        SocEstimator(adaptive_soc_of(MODEL, replace(NOISE, resistance_std=0.3), SENSOR))
-        .run(log_of(run.samples))
-        .estimates
-    )
-    assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.03)
-    assert found.soh_capacity[-1] == pytest.approx(0.85, rel=0.03)
-
-
-def test_scheme_starts_with_the_same_dc_resistance():
-    nominal = nominal_of(model_of(UNEVEN))
+def test_nominal_elements_have_the_same_dc_resistance():
+    nominal = rc.nominal_of(model_of(UNEVEN))
     p = rc.Circuit(nominal.c_bulk_F, nominal.c_surface_F, nominal.r_ohm, nominal.r_ohm, nominal.r_terminal_ohm)
-    assert rc_circuit.dc_resistance(p) == pytest.approx(rc_circuit.dc_resistance(UNEVEN), rel=0.05)
-    assert nominal_of(MODEL) == (*EVEN[:3], EVEN[4])
+    assert rc.dc_resistance(p) == pytest.approx(rc.dc_resistance(UNEVEN), rel=0.05)
+    assert rc.nominal_of(MODEL) == (*EVEN[:3], EVEN[4])
 
 
 FAULTS = {
@@ -239,15 +204,14 @@ FAULTS = {
 }
 
 
-@ALL
 @pytest.mark.parametrize("fault", FAULTS)
-def test_fault_is_flagged_and_survived(name, fault):
+def test_fault_is_flagged_and_survived(fault):
     changes, flag = FAULTS[fault]
     run = simulated(soc=0.8)
     samples = SocSample(*(c.copy() for c in run.samples))
     for column, value in changes.items():
         getattr(samples, column)[705] = value
-    found = estimated(name, samples)
+    found = estimated(samples)
     assert found.flags[705] == float(flag)
     assert np.count_nonzero(found.flags.astype(int) & ~int(SocFlag.SOC_LIMITED)) == (1 if flag else 0)
     assert np.isfinite(found.soc).all()
@@ -255,12 +219,11 @@ def test_fault_is_flagged_and_survived(name, fault):
     assert np.abs(found.soc - run.soc)[800:].max() < (0.05 if fault == "gap" else 0.02)
 
 
-@pytest.mark.parametrize("name", ["curve", "state"])
-def test_the_gate_times_out_when_it_is_the_filter_that_is_wrong(name):
+def test_the_gate_times_out_when_it_is_the_filter_that_is_wrong():
     """The voltage of another battery in the middle of a log: rejected for a minute, then the filter doubts itself."""
     run = simulated(soc=0.6)
     samples = run.samples._replace(voltage_V=run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700))
-    found = estimated(name, samples)
+    found = estimated(samples)
     rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[700:760].all()
     assert not rejected[770:].any()
@@ -268,65 +231,41 @@ def test_the_gate_times_out_when_it_is_the_filter_that_is_wrong(name):
     assert found.soc[-1] - run.soc[-1] > 0.1
 
 
-@pytest.mark.parametrize("name", ["curve", "state"])
-def test_missing_voltages_do_not_hold_up_the_time_out(name):
+def test_missing_voltages_do_not_hold_up_the_time_out():
     """The same with every fifth voltage missing: they neither confirm the belief nor contradict it."""
     run = simulated(soc=0.6)
     voltage_V = run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700)
     voltage_V[700::5] = NAN
-    found = estimated(name, run.samples._replace(voltage_V=voltage_V))
+    found = estimated(run.samples._replace(voltage_V=voltage_V))
     rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[701:705].all() and not rejected[790:].any()
     assert found.soc[-1] - run.soc[-1] > 0.1
 
 
-def test_scheme_survives_a_joint_filter_that_has_diverged():
-    """Until the joint filter knows something again the model's own circuit serves."""
-    scheme, run = ESTIMATORS["scheme"], simulated(soc=0.6)
-    state = scheme.init(row(run.samples, 0))
-    lost = state.joint.belief._replace(mean=np.full(7, NAN), lower=np.full(28, NAN))
-    state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
-    assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
-    assert (estimate.soh_capacity, estimate.resistance_ratio) == (1.0, 1.0)
-    _, found = scan(scheme, SocSample(*(c[1:] for c in run.samples)), state=state)
-    assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
-
-
-@pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
-def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
-    estimator = RcFilter(MODEL, NOISE, SENSOR)
-    state, sample = estimator.init(SocSample(0.0, -5.0, 12.6, NAN)), SocSample(10.0, -5.0, 12.6, NAN)
-    _, sure = estimator.step(state, sample, RcParameters(EVEN))
-    _, unsure = estimator.step(state, sample, RcParameters(EVEN, **{doubt: 0.5}))
-    assert unsure.voltage_std_V > 1.1 * sure.voltage_std_V
-
-
 def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
     noise = replace(NOISE, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
     estimator = RcFilter(MODEL, noise, SENSOR)
-    once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
-    assert estimator.voltage_variance(cleaned(10.0), 0.5, 1.2, 0.1) == pytest.approx(20 * once)
-    assert estimator.voltage_variance(cleaned(300.0), 0.5, 1.2, 0.1) == pytest.approx(once)
+    once = 0.01**2 + 0.2**2 * 0.5**2 + (0.03 * 1.2) ** 2
+    assert estimator.voltage_variance(cleaned(10.0), 0.5, 1.2, 0.5) == pytest.approx(20 * once)
+    assert estimator.voltage_variance(cleaned(300.0), 0.5, 1.2, 0.5) == pytest.approx(once)
 
 
-@ALL
-def test_charge_beyond_full_is_limited_and_said(name):
+def test_charge_beyond_full_is_limited_and_said():
     run = simulated(soc=1.0)
     samples = run.samples._replace(current_A=np.full(1500, 6.0), voltage_V=np.full(1500, NAN))
-    found = estimated(name, samples, soc=0.98)
+    found = estimated(samples, soc=0.98)
     assert found.soc.max() <= 1.0
     assert int(found.flags[-1]) & SocFlag.SOC_LIMITED
 
 
-@ALL
-def test_traced_step_is_the_step(name):
+def test_traced_step_is_the_step():
     samples = SocSample(*(c[:80] for c in simulated(soc=0.7).samples))
-    estimator = ESTIMATORS[name]
+    estimator = ESTIMATOR
     state, by_float = estimator.init(row(samples, 0)), []
     for k in range(80):
         state, estimate = estimator.step(state, row(samples, k))
         by_float.append(estimate)
-    found = estimated(name, samples)
+    found = estimated(samples)
     for traced, floats in zip(found, zip(*by_float, strict=True), strict=True):
         np.testing.assert_allclose(traced, np.array(floats, dtype=float), rtol=0, atol=1e-9)
 
@@ -336,11 +275,6 @@ def test_bad_settings_are_refused(name):
     settings: dict[str, Any] = {name: 0.0}
     with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):
         RcFilter(MODEL, NOISE, SENSOR, **settings)
-
-
-def test_a_soc_that_is_neither_state_nor_on_the_curve_is_refused():
-    with pytest.raises(InputError, match="soc_as must be one of state, curve, got 'line'"):
-        RcFilter(MODEL, NOISE, SENSOR, soc_as="line")
 
 
 def test_inverse_curve_undoes_the_curve():
@@ -368,20 +302,14 @@ def lead_acid():
     return measured("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
 
 
-def make(kind, found):
-    makers: dict[str, Any] = {"curve": partial(RcFilter, soc_as="curve"), "state": RcFilter, "scheme": adaptive_soc_of}
-    return makers[kind](found.model, found.noise)
-
-
 @pytest.mark.parametrize("first_h", [9.5, 33.5], ids=["from one discharge", "from the first day"])
 @pytest.mark.parametrize("initial_soc", [1.0, 0.7], ids=["right start", "wrong start"])
-@ALL
-def test_lead_acid_telemetry(lead_acid, name, initial_soc, first_h):
+def test_lead_acid_telemetry(lead_acid, initial_soc, first_h):
     """The bar of [P] is 2.2 % mean error for RC + KF on sealed lead-acid; here on discharges never seen before."""
     found = identify_rc(lead_acid.between(0, 3600 * first_h), None, LEAD_ACID_AH, start_soc=1.0)
     for start_h, stop_h in (d for d in LATER_DISCHARGES_H if d[0] >= first_h):
         log = lead_acid.between(3600 * start_h, 3600 * stop_h)
-        estimates = SocEstimator(make(name, found), initial_soc).run(log).estimates
+        estimates = SocEstimator(RcFilter(found.model, found.noise), initial_soc).run(log).estimates
         error = estimates.soc - (1 + log.charge_Ah() / LEAD_ACID_AH)
         assert np.abs(error).mean() < 0.022
         assert np.mean(np.abs(error) < 2 * estimates.soc_std) > 0.9
@@ -395,7 +323,7 @@ def test_iron_phosphate_is_survived_and_its_sigma_says_so():
     half = dynamic.select(slice(0, len(dynamic) // 2))
     found = identify_rc(half, mean_curve(*slow), 2.03, start_soc=1.0)
     assert rc.instant_resistance(found.model) == pytest.approx(0.0099, rel=0.1)
-    run = SocEstimator(RcFilter(found.model, found.noise, soc_as="curve"), 1.0).run(dynamic).estimates
+    run = SocEstimator(RcFilter(found.model, found.noise), 1.0).run(dynamic).estimates
     error = run.soc - soc
     assert np.isfinite(run.soc).all()
     assert np.abs(error).max() < 0.3
