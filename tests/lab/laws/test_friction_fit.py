@@ -50,10 +50,9 @@ def measured(family, values, share=0.05, at=CONTACT, noise_N=0.0, rng=None):
     return ForceSlip(at, exact + (noise_N * rng.standard_normal(len(exact)) if rng else 0.0))
 
 
-@pytest.mark.parametrize("prior", [False, True])
 @pytest.mark.parametrize(("family", "values"), TRUTHS, ids=[family.name for family, _ in TRUTHS])
-def test_what_made_the_forces_is_found(family, values, prior):
-    fit = fit_law(measured(family, values), family, prior=prior)
+def test_what_made_the_forces_is_found(family, values):
+    fit = fit_law(measured(family, values), family)
     assert fit.rmse_N < 1e-4
     assert [i.value for i in fit.intervals] == pytest.approx([*values, 0.05], rel=2e-3)
     assert fit.law == family.make(*(i.value for i in fit.intervals[:-1]))
@@ -126,48 +125,6 @@ def test_the_law_that_foretells_best_is_chosen():
     at = contact(np.tile(RIM_M_S, 2), np.full(20, 0.1), np.full(20, 25.0))
     data = measured(truth, (0.6, 30.0), 0.05, at, 0.05, np.random.default_rng(5))
     assert select_law(data, [SLOPE, truth], np.tile(RIM_M_S, 2)).family == truth.name
-
-
-def test_a_prior_yields_to_many_slips():
-    family = ward_iagnemma()
-    rim_m_s = np.repeat(np.linspace(0.11, 0.3, 40), 3)
-    at = contact(rim_m_s, np.full(120, 0.1), np.full(120, 25.0))
-    data = measured(family, (2.0, 20.0), 0.6, at, 0.3, np.random.default_rng(6))
-    alone, held = fit_law(data, family), fit_law(data, family, prior=True)
-    for a, b in zip(alone.intervals, held.intervals, strict=True):
-        assert a.low < b.value < a.high
-    assert held.rmse_N == pytest.approx(alone.rmse_N, rel=1e-3)
-
-
-def test_a_prior_keeps_what_the_data_do_not_show_near_published_grounds():
-    family = coulomb_creep()
-    data = measured(family, (0.9, 5.0), 0.05, GRIPPING, 0.2, np.random.default_rng(7))
-    adhesion, slope, _ = fit_law(data, family, prior=True).intervals
-    assert 0.05 < adhesion.value < 1.4
-    assert not adhesion.identified and (adhesion.low, adhesion.high) == pytest.approx((1e-3, 5.0))
-    assert slope.value == pytest.approx(5.0, rel=0.3)
-
-
-def test_few_slips_foretell_a_left_out_one_better_with_a_prior():
-    """Wheels of five slips at 10 mm/s of travel, three repetitions; each slip in turn is foretold from the other four.
-
-    Without a prior, resistance and stiffness run away where the lowest or the highest slip is left out.
-    """
-    rim_m_s, rng = np.repeat([0.01, 0.012, 0.02, 0.04, 0.1], 3), np.random.default_rng(8)
-    alone_N, held_N = [], []
-    for family, values in TRUTHS:
-        for steeper in (1.0, 10.0):
-            at = contact(rim_m_s, np.full(15, 0.01), 20.0 + rng.standard_normal(15))
-            data = measured(family, (values[0], values[1] * steeper, *values[2:]), 0.08, at, 0.4, rng)
-            alone_N.append(left_out_rms_N(data, rim_m_s, family, prior=False))
-            held_N.append(left_out_rms_N(data, rim_m_s, family, prior=True))
-    assert np.mean(held_N) < 0.8 * np.mean(alone_N)
-    assert max(held_N) < max(alone_N)
-
-
-def left_out_rms_N(data, groups, family, prior):
-    errors_N = left_out_errors_N(data, groups, lambda seen, _: fit_law(seen, family, prior=prior))
-    return np.sqrt(np.mean(errors_N**2))
 
 
 def test_what_is_refused():
