@@ -117,8 +117,8 @@ class SocByCurve:
     @cached_property
     def _slopes_V(self) -> tuple[float, ...]:
         """Slope of the OCV curve on a uniform grid of SoC."""
-        soc = np.linspace(0.0, 1.0, 101)
-        return tuple(np.gradient(self.ocv_V(soc), soc).tolist())
+        ocv, soc = self.model.ocv, np.linspace(0.0, 1.0, 101)
+        return tuple(np.gradient(ocv.mean_V(soc, ocv.reference_degC), soc).tolist())
 
 
 def line_slope_V(model: RcModel) -> float:

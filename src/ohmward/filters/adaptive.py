@@ -16,7 +16,7 @@ Its limits:
 [T] averages over a ring buffer of the last L = 100 samples. Here the mean is recursive: over all samples while there
 are fewer than L, then with exponential forgetting 1/L. The newest sample weighs 1/L in both (the mean scatters like
 that of a ring of 2 L - 1), but a ring would put m (m + 1) L numbers into every state that is stored, exported to a
-controller or kept per robot. `windowed_moments` is the ring, for comparison.
+controller or kept per robot.
 """
 
 from __future__ import annotations
@@ -189,15 +189,6 @@ def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Match
     if matching.match_R:
         R = noise.residual + P_yy + R
     return mirror_lower(Q), mirror_lower(R)
-
-
-def windowed_moments(values: np.ndarray, window: int) -> np.ndarray:
-    """Mean of e e' over the last `window` samples at each of T times, the ring of [T], for comparison offline.
-
-    values: (T, m), innovations or residuals.  Returns: (T, m, m); the first window - 1 are means over fewer.
-    """
-    squares = values[:, :, None] * values[:, None, :]
-    return np.array([squares[max(0, k + 1 - window) : k + 1].mean(axis=0) for k in range(len(values))])
 
 
 def _matched(
