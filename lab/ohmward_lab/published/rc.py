@@ -24,7 +24,7 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.one_pair import one_pair
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_each_positive, require_finite, require_positive
+from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.quantities import SECONDS_PER_HOUR
@@ -121,12 +121,6 @@ class Nominal(NamedTuple):
     c_surface_F: float
     r_ohm: float  #: R_e = R_b = R_s [ohm]
     r_terminal_ohm: float  #: R_t [ohm]
-
-
-def require_nominal(nominal: Nominal) -> None:
-    """Raise `InputError` unless every value of the circuit is > 0."""
-    for name, value in zip(Nominal._fields, nominal, strict=True):
-        require_positive(f"nominal.{name}", value)
 
 
 def nominal_of(model: RcModel) -> Nominal:

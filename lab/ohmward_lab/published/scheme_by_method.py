@@ -88,7 +88,6 @@ class SchemeByMethod:
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
         require_between("window", self.window, 1.0, np.inf)
-        rc.require_nominal(self.nominal)
 
     @cached_property
     def nominal(self) -> rc.Nominal:

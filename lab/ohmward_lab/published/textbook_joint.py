@@ -35,7 +35,7 @@ from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward_lab.published.rc import Nominal, require_nominal
+from ohmward_lab.published.rc import Nominal
 
 #: Number of parameters, the first elements of the state.
 PARAMETERS = 4
@@ -83,7 +83,7 @@ class TextbookJoint:
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
-        require_nominal(self.nominal)
+        require_each_positive("nominal.", self.nominal, *Nominal._fields)
         require_positive("start_std", self.start_std)
         if len(self.walk) != STATES:
             raise InputError(f"walk must have {STATES} numbers, one for each state, got {len(self.walk)}")

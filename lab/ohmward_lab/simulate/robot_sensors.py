@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.packaged import RLMA
 from ohmward_lab.simulate.sensors import Sensor
@@ -88,11 +87,7 @@ COMPASS = Sensor(low=-np.pi, high=np.pi, resolution=0.0017, noise_std=0.05, offs
 
 @dataclass(frozen=True)
 class RobotSensors:
-    """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link.
-
-    Raises:
-        InputError: a value out of its range.
-    """
+    """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link; see `Sensing`."""
 
     interval_s: float = 0.01  #: between samples
     #: a frame takes delay_s plus a uniform random part of jitter_s to arrive, and may be overtaken
@@ -111,14 +106,6 @@ class RobotSensors:
     accelerometer: Sensor = ACCELEROMETER
     pitch: Sensor | None = None  #: error of an attitude filter [rad]; None where there is none
     compass: Sensor | None = None  #: error of a compass [rad]; None where there is none
-
-    def __post_init__(self) -> None:
-        require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
-        require_each_not_negative("robot_sensors.", self, "delay_s", "jitter_s")
-        require_between("robot_sensors.drop_share", self.drop_share, 0.0, 1.0)
-        for name in ("encoder_wheels", "motor_wheels"):
-            if min(getattr(self, name), default=0) < 0:
-                raise InputError(f"robot_sensors.{name} must number wheels from 0 on, got {getattr(self, name)}")
 
 
 class SensorFrame(NamedTuple):
