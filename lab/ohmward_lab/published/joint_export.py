@@ -57,7 +57,7 @@ def _loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) -> Loop
     """Loops of the joint filter of states and parameters."""
     sanitized = trace(at_rate(joint.sanitize), state, EXAMPLE, with_origins=True)
     n = len(state.belief.mean)
-    w = unscented.pair_weights(n, joint.scaling)
+    w = unscented.pair_weights(n)
     words = {
         "N": str(n),
         "PARAMETERS": str(PARAMETERS),

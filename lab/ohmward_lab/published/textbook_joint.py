@@ -20,7 +20,7 @@ This is the published filter, for comparison, and fits into a small microcontrol
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,7 +80,6 @@ class TextbookJoint:
     voltage_std_V: float = 0.002  #: of the voltage sensor: floor of R
     window: float = 100.0  #: effective number of samples whose innovations the noise is matched to
     highest_ocv_V: float = math.inf  #: of the battery; voltages that are impossible with it are ignored
-    scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
         require_each_positive("nominal.", self.nominal, *Nominal._fields)
@@ -120,7 +119,6 @@ class TextbookJoint:
             np.array([clean.voltage_V]),
             self.process_noise(state),
             state.noise.residual + before.cov[TERMINAL:, TERMINAL:] + self.voltage_std_V**2,
-            self.scaling,
         )
         K = where(clean.measured, correction.gain, 0.0)
         corrected = apply_gain(prior, correction.innovation, K)

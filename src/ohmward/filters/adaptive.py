@@ -132,31 +132,21 @@ def extended_step(
 
 
 def unscented_step(
-    state: AdaptiveState,
-    f: Function,
-    h: Function,
-    y: np.ndarray,
-    matching: Matching,
-    scaling: unscented.Scaling = unscented.DEFAULT,
+    state: AdaptiveState, f: Function, h: Function, y: np.ndarray, matching: Matching
 ) -> tuple[AdaptiveState, Innovation]:
     """Adaptive unscented Kalman filter (AUKF) with redrawn sigma points; arguments as for `extended_step`."""
-    prior = unscented.predict(state.belief, f, state.Q, scaling)
-    correction = unscented.correct(prior, y, h, state.R, scaling)
-    P_yy = unscented.output_covariance(correction.belief, h, scaling)
+    prior = unscented.predict(state.belief, f, state.Q)
+    correction = unscented.correct(prior, y, h, state.R)
+    P_yy = unscented.output_covariance(correction.belief, h)
     return _matched(state, prior, correction, y - h(correction.belief.mean), P_yy, matching)
 
 
 def unscented_step_reusing_points(
-    state: AdaptiveState,
-    f: Function,
-    h: Function,
-    y: np.ndarray,
-    matching: Matching,
-    scaling: unscented.Scaling = unscented.DEFAULT,
+    state: AdaptiveState, f: Function, h: Function, y: np.ndarray, matching: Matching
 ) -> tuple[AdaptiveState, Innovation]:
     """The AUKF of [T]: the propagated sigma points are used for h too; arguments as for `extended_step`."""
-    prior, correction = unscented.correct_reusing_points(state.belief, f, h, y, state.Q, state.R, scaling)
-    P_yy = unscented.output_covariance(correction.belief, h, scaling)
+    prior, correction = unscented.correct_reusing_points(state.belief, f, h, y, state.Q, state.R)
+    P_yy = unscented.output_covariance(correction.belief, h)
     return _matched(state, prior, correction, y - h(correction.belief.mean), P_yy, matching)
 
 

@@ -219,9 +219,9 @@ def correct_reusing_points(
     return prior, Correction(posterior, Innovation(nu, S), K)
 
 
-def output_covariance(belief: Belief, h: Function, scaling: Scaling = DEFAULT) -> np.ndarray:
+def output_covariance(belief: Belief, h: Function) -> np.ndarray:
     """Covariance P_yy (m, m) of h(x) under the belief, without measurement noise."""
-    output = propagate(h, draw_pairs(belief, scaling))
+    output = propagate(h, draw_pairs(belief))
     return mirror_lower(covariance(output, output, belief.cov))
 
 
