@@ -7,7 +7,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.packaged import generic_robot
-from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE
+from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE, Wheel
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,7 @@ def test_a_size_that_cannot_be_is_refused():
         generic_robot(60.0, 0.1, -0.45)
 
 
-def test_wheels_in_millimetres_are_refused():
+@pytest.mark.parametrize("make", [lambda: generic_robot(5.0, 65.0, 300.0), lambda: Wheel(65.0, 20.0, 1.0)])
+def test_wheels_in_millimetres_are_refused(make):
     with pytest.raises(InputError, match=r"must be at most 3, got 65; in millimetres\? then it is 0\.065"):
-        generic_robot(mass_kg=5.0, wheel_radius_m=65.0, track_m=300.0)
+        make()

@@ -11,13 +11,19 @@ from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE, Robot, Wheel, disc_yaw_inertia, solid_box_yaw_inertia
+from ohmward.traction.robot.robot import (
+    GRAVITY,
+    ROBOT_FILE,
+    Robot,
+    Wheel,
+    disc_yaw_inertia,
+    require_wheel_radius,
+    solid_box_yaw_inertia,
+)
 
 #: Layouts of the wheels of a generic robot.
 LAYOUTS = ("two-wheel", "skid-steer", "car", "tricycle", "mecanum", "omni")
 
-#: Largest wheel radius of any robot [m].
-_LARGEST_WHEEL_M = 3.0
 #: Assumed for a robot: wheel width over wheel radius, wheel mass over robot mass, and distance of a two-wheeled robot's
 #: driven axle from the centre of gravity over the wheelbase.
 WIDTH, WHEEL_MASS, AXLE = 0.4, 0.02, 0.25
@@ -50,13 +56,9 @@ def generic_robot(
         InputError: a size is impossible, or the layout is unknown.
     """
     base_m = track_m if wheelbase_m is None else wheelbase_m
-    for size, value in (("mass_kg", mass_kg), ("wheel_radius_m", wheel_radius_m), ("track_m", track_m)):
+    for size, value in (("mass_kg", mass_kg), ("track_m", track_m)):
         require_positive(size, value)
-    if wheel_radius_m > _LARGEST_WHEEL_M:
-        raise InputError(
-            f"wheel_radius_m must be at most {_LARGEST_WHEEL_M:g}, got {wheel_radius_m:g}; in millimetres? then it is "
-            f"{1e-3 * wheel_radius_m:g}"
-        )
+    require_wheel_radius("wheel_radius_m", wheel_radius_m)
     require_positive("wheelbase_m", base_m)
     require_positive("gear_ratio", gear_ratio)
     require_one_of("layout", layout, LAYOUTS)

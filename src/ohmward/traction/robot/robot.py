@@ -37,6 +37,19 @@ GRAVITY = 9.80665
 #: Largest relative difference between the sum of the weighed wheel loads and the weight.
 _WEIGHING = 0.05
 
+#: Largest wheel radius of any robot [m].
+_LARGEST_WHEEL_M = 3.0
+
+
+def require_wheel_radius(name: str, radius_m: float) -> None:
+    """Raise InputError for a radius [m] that no wheel has."""
+    require_positive(name, radius_m)
+    if radius_m > _LARGEST_WHEEL_M:
+        raise InputError(
+            f"{name} must be at most {_LARGEST_WHEEL_M:g}, got {radius_m:g}; in millimetres? then it is "
+            f"{1e-3 * radius_m:g}, and other lengths too are in metres"
+        )
+
 
 @dataclass(frozen=True)
 class Wheel:
@@ -47,7 +60,8 @@ class Wheel:
     inertia_kg_m2: float  #: moment of inertia of one wheel about its axle, without the motor, > 0
 
     def __post_init__(self) -> None:
-        require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")
+        require_wheel_radius("wheel.radius_m", self.radius_m)
+        require_each_positive("wheel.", self, "width_m", "inertia_kg_m2")
 
 
 @dataclass(frozen=True)
