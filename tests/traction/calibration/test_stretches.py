@@ -66,7 +66,7 @@ def test_a_drive_without_its_motion_gives_no_stretch():
 def test_the_ground_gives_a_wheel_its_torque_less_what_turns_it_faster():
     omega, rate, current = np.array([[3.0, 3.0, 3.0]]), np.array([[0.0, 0.0, 0.4]]), np.array([[0.8, 0.8, 0.8]])
     rim = np.zeros((1, 3))
-    s = Stretches(np.zeros(1), omega, current, rim, rim, rate)
+    s = Stretches(np.zeros(1), omega, current, rim, rim, rate, np.zeros(1))
     motor, radius_m = OMNI.motor, OMNI.wheel.radius_m
     inertia = OMNI.wheel.inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
     torque = 16 * 0.0514 * 0.8 * 0.8 - 0.15  # gear of 80 %, friction; the tanh of 6 is 1

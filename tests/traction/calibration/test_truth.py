@@ -1,10 +1,12 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.calibration import motion_from_pose, motion_from_speed
-from ohmward.traction.calibration.stretches import local_slope
+from ohmward.traction.calibration.stretches import local_slope, without_lateral
 
 
 def test_a_circle_driven_sideways_has_its_speeds():
@@ -47,3 +49,26 @@ def test_one_speed_is_enough_only_where_the_robot_cannot_move_sideways():
 def test_a_pose_without_numbers_is_refused():
     with pytest.raises(InputError, match="at least 3 samples with numbers, got 0"):
         motion_from_pose(np.arange(3.0), np.full(3, np.nan), np.zeros(3), np.zeros(3))
+
+
+def pose(time_s, turned_rad=0.0, mirrored=1.0, jump_m=0.0):
+    """Motion of a point 0.2 m ahead of the axle of a robot that drives curves to both sides, by a pose with a fault."""
+    heading = np.sin(0.5 * time_s)
+    x_m, y_m = (np.cumsum(0.4 * along(heading)) * 0.05 for along in (np.cos, np.sin))
+    x_m, y_m = x_m + 0.2 * np.cos(heading) + jump_m * (time_s > 30.0), y_m + 0.2 * np.sin(heading)
+    return motion_from_pose(time_s, x_m, mirrored * y_m, heading + turned_rad)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"turned_rad": -0.5}, r"moves 29 deg to the left of its heading.*--pose-turn"),
+        ({"mirrored": -1.0}, r"of its speed across its way.*--pose-scale 1,-1"),
+        ({"jump_m": 3.0}, None),
+    ],
+)
+def test_a_pose_that_moves_sideways_is_refused_but_not_for_one_jump(fault, message):
+    motion = pose(np.arange(0.0, 60.0, 0.05), **fault)
+    with pytest.raises(InputError, match=message) if message else nullcontext():
+        assert without_lateral(RLMA, motion).shape == (1200, 2)
+    assert without_lateral(ROBOTINO, motion).shape == (1200, 3)

@@ -5,6 +5,7 @@ The motion comes from poses measured by a camera or a total station, or from mea
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,9 @@ from ohmward.traction.terrain.floor import travel_speed
 
 #: Half the width [s] of the local fit that turns a pose into a motion.
 HALF_WINDOW_S = 0.3
+#: Largest speed across the way as a share of that along it, and largest angle between heading and way, of wheels that
+#: only roll ahead; speeds and yaw rates more alike than this leave the point that the pose is of unknown.
+MOST_ACROSS, MOST_TURNED_DEG, _ALIKE = 0.3, 10.0, 0.9
 
 
 class CalibrationDrive(NamedTuple):
@@ -82,8 +86,42 @@ def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np
 
 
 def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
-    """Motion (T, freedoms) of a robot from a planar motion (T, 3), without the lateral speed if it has none."""
+    """Motion (T, freedoms) of a robot from a planar motion (T, 3), without the lateral speed if it has none.
+
+    Raises:
+        InputError: it moves sideways more than its wheels allow.
+    """
+    known = np.isfinite(motion).all(axis=1)
+    if known.any() and not robot.chassis.rollers:
+        _check_heading(motion[known])
     return motion if robot.freedoms == 3 else motion[:, [0, 2]]
+
+
+def _check_heading(motion: np.ndarray) -> None:
+    """InputError for a motion (T, 3) that is not along its heading but for that of a point off the axle, u = x psi_dot.
+
+    Its principal axis is at the angle atan2(2 sum(u v), sum(v^2 - u^2)) / 2 from the heading.
+    """
+    speed_m_s = travel_speed(motion[:, :2])
+    motion = motion[speed_m_s <= 1.5 * np.quantile(speed_m_s, 0.9, method="higher")]  # without jumps of the pose
+    v, u, yaw_rate = motion.T
+    if not np.sum(v**2 + u**2) > len(motion) * SLOWEST_M_S**2:
+        return
+    if abs(v @ yaw_rate) < _ALIKE * np.linalg.norm(v) * np.linalg.norm(yaw_rate):
+        u = u - np.linalg.lstsq(motion[:, [0, 2]], u, rcond=None)[0][1] * yaw_rate
+    angle_rad = 0.5 * math.atan2(2.0 * float(u @ v), float(v @ v - u @ u))
+    across = float(np.linalg.norm(u * math.cos(angle_rad) - v * math.sin(angle_rad)) / np.linalg.norm([u, v]))
+    what = f"{100 * across:.0f} % of its speed across its way"
+    fix = (
+        "x, y or the heading counts the other way (--pose-scale 1,-1), the heading is in another unit (--pose-unit) or "
+        "jumps, or the pose is too noisy"
+    )
+    if across <= MOST_ACROSS:
+        angle_deg = math.degrees(angle_rad)
+        if abs(angle_deg) <= MOST_TURNED_DEG:
+            return
+        what, fix = f"{angle_deg:.0f} deg to the left of its heading", "turn the heading by as much (--pose-turn)"
+    raise InputError(f"by the pose the robot moves {what}, which its wheels do not allow: {fix}")
 
 
 def local_slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -119,6 +157,7 @@ class Stretches(NamedTuple):
     rim: np.ndarray  #: (K, freedoms) motion that the driven wheels make, for the robot's radius
     motion: np.ndarray  #: (K, freedoms) of the body
     acceleration: np.ndarray  #: (K, freedoms) of the body
+    time_s: np.ndarray  #: (K,) of their starts
 
 
 def cut(
@@ -209,6 +248,7 @@ def _of_drive(
                 mean,
                 _mean(drive.motion[part], weight),
                 _slope(t[part], drive.motion[part]),
+                t[first],
             )
 
 
