@@ -1,6 +1,8 @@
 """Calibration in one call is that of its parts, one after the other."""
 
+import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,7 +71,7 @@ def test_a_robot_that_was_stuck_tells_its_radius_from_the_rest(stuck_s):
     found = calibrate([stuck_drive(0.12, 60.0, stuck_s)], RLMA, parts=("radius",))
     (radius,) = found.parameters
     assert radius.identified and radius.value == pytest.approx(0.12, abs=3 * radius.std) and radius.std < 0.01
-    (note,) = found.notes
+    note = found.notes[-1]
     assert note.level == "warning"
     assert "stretches of 1 s in which the wheels turn and the robot hardly moves" in note.text
 
@@ -81,6 +83,54 @@ def test_a_drive_without_a_stuck_robot_has_no_note():
 def test_a_radius_that_no_drive_can_mean_is_not_written():
     found = calibrate([stuck_drive(0.4, 60.0, 0.0)], RLMA, parts=("radius",))
     assert found.robot == RLMA and "for 0.12 m: the wheels slip all the time" in found.parameters[0].reason
+
+
+def test_a_radius_far_from_the_file_is_written_with_a_warning():
+    found = calibrate(stuck_drive(0.16, 60.0, 0.0), RLMA, parts="radius")
+    assert found.parameters[0].identified
+    assert "the robot file 0.12 m: measure it" in found.notes[-1].text
+
+
+def test_drives_that_contradict_each_other_are_in_the_band_and_the_odd_one_is_named():
+    drives = [replace(stuck_drive(r, 60.0, 0.0), name=f"{r:g}") for r in (0.115, 0.115, 0.115, 0.127)]
+    found = calibrate(drives, RLMA, parts="radius")
+    (radius,) = found.parameters
+    assert radius.identified and abs(radius.value - 0.115) < 2 * radius.std
+    assert "log '0.127' alone gives 0.127 m" in found.notes[-1].text
+
+
+def test_wheels_that_slip_now_and_then_show_no_radius():
+    log = stuck_drive(0.12, 60.0, 0.0)
+    assert log.speed_m_s is not None
+    slips = replace(log, speed_m_s=log.speed_m_s * np.where(log.time_s > 45.0, 0.5, 1.0))
+    found = calibrate(slips, RLMA, parts="radius")
+    assert found.robot == RLMA
+    assert re.search(
+        r"log 'mud' from 45 s to 58 s alone gives 0\.06.* the wheels slip much", found.parameters[0].reason
+    )
+
+
+def test_an_encoder_that_counts_half_is_named():
+    log = stuck_drive(0.12, 60.0, 0.0)
+    turn_m_s = 0.2 * np.sin(0.7 * log.time_s)[:, None] * [-1.0, 1.0, -1.0, 1.0]
+    wheels = (log.wheel_speed_rad_s + turn_m_s / 0.12) * [0.5, 1.0, 0.5, 1.0]
+    found = calibrate(replace(log, wheel_speed_rad_s=wheels), RLMA, parts="radius")
+    assert found.robot == RLMA and "the left wheel asks for a radius of 0.2" in found.parameters[0].reason
+
+
+def test_faults_of_the_drives_are_warnings():
+    log = stuck_drive(0.12, 60.0, 0.0)
+    held = np.where(np.arange(4) == 0, 4.0, log.wheel_speed_rad_s)
+    found = calibrate([log, replace(log, name="held", wheel_speed_rad_s=held)], RLMA, parts="radius")
+    assert found.notes[0].text.startswith("held: the encoder of front left is at 4 rad/s, stuck")
+
+
+def test_without_currents_the_usual_parts_leave_the_motors_out():
+    found = calibrate(stuck_drive(0.12, 60.0, 0.0), RLMA)
+    assert [parameter.name for parameter in found.parameters] == ["wheel.radius_m"]
+    assert found.notes[-1].text == "the motors were not calibrated: no drive has their currents"
+    with pytest.raises(InputError, match="without motor currents"):
+        calibrate(stuck_drive(0.12, 60.0, 0.0), RLMA, parts="motor")
 
 
 @pytest.mark.parametrize(

@@ -27,11 +27,11 @@ def test_a_column_that_says_nothing_keeps_its_prior():
     assert np.sqrt(fit.cov[1, 1]) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("together", [0.0, 0.3])
-def test_the_covariance_is_that_of_repetitions_even_when_drives_err_together(together):
+@pytest.mark.parametrize(("together", "drives"), [(0.0, 20), (0.3, 20), (0.3, 1)])
+def test_the_covariance_is_that_of_repetitions_even_when_rows_of_a_drive_err_together(together, drives):
     rng = np.random.default_rng(3)
     samples = [sample(rng, together=together) for _ in range(300)]
-    fits = [regress(A, y, drive, np.zeros(2), NOTHING) for A, y, drive in samples]
+    fits = [regress(A, y, drive * drives // 20, np.zeros(2), NOTHING) for A, y, drive in samples]
     errors = np.array([fit.beta for fit in fits]) - [0.3, 1.2]
     claimed = np.sqrt(np.mean([np.diag(fit.cov) for fit in fits], axis=0))
     np.testing.assert_allclose(errors.std(axis=0), claimed, rtol=0.2)

@@ -72,6 +72,30 @@ def test_a_robot_that_never_turns_keeps_its_track():
     assert found.value == 0.30
 
 
+def test_turns_to_one_side_leave_the_track_to_the_difference_of_the_radii():
+    """One circle: eps v / b turns the robot as v_r - v_l does, so the track is off by eps v / (b_eff psi_dot)."""
+    robot = replace(SKID, wheel=replace(SKID.wheel, radius_m=RADIUS_M))
+    circle, rest = kinematic(0.5, 0.5), kinematic(0.0, 0.0)
+    (one,) = calibrate_track([circle, rest], robot, 0.0)
+    (both,) = calibrate_track([circle, kinematic(0.5, -0.5), rest], robot, 0.0)
+    assert one.std / one.value == pytest.approx(np.sqrt(2.0) * RADIUS_STD / EFFECTIVE_M, rel=1e-3)
+    assert both.std / both.value < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("factors", "reason"),
+    [
+        ([1.0, 1.0, -1.0], "turns the other way than its wheels: left and right wheels are exchanged"),
+        ([1.0, 1.0, 57.3], "the unit of the yaw rate (--unit) or of the heading (--pose-unit) is wrong"),
+        ([0.5, 1.0, 1.0], "the radius is not identified"),
+    ],
+)
+def test_a_motion_of_another_sign_or_unit_keeps_the_track_and_is_named(factors, reason):
+    drives = [drive._replace(motion=drive.motion * factors) for drive in (kinematic(*m) for m in MOTIONS)]
+    found = calibrate(drives, SKID, parts=("radius", "track"))
+    assert chassis(found.robot) == SKID.chassis and reason in found.parameters[1].reason
+
+
 def test_a_truth_without_yaw_rate_is_named():
     drives = [drive._replace(motion=drive.motion * [1.0, 1.0, 0.0]) for drive in (kinematic(*m) for m in MOTIONS)]
     (found,) = calibrate_track(drives, SKID)

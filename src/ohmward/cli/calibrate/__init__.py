@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="+", metavar="LOG", help=f"drives on one floor: each {LOG}")
     group = parser.add_argument_group("robot and floor")
     group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"what is known before: {ROBOT}")
-    group.add_argument("--what", metavar="LIST", help="of radius,track,motor (default: all, none with --floor)")
+    group.add_argument("--what", metavar="LIST", help="of radius,track,motor (default: all shown, none with --floor)")
     group.add_argument("--floor", metavar="NAME", help="learn the floor of these drives; the robot must be calibrated")
     group.add_argument("--floors", metavar="FILE.toml", help="where the floor goes, beside those that it has")
     group.add_argument(

@@ -23,7 +23,7 @@ from ohmward.report import Page
 from ohmward.runs import duration
 from ohmward.traction import load_robot, save_robot
 from ohmward.traction.calibration import Calibration, calibrate, with_wheel_loads
-from ohmward.traction.calibration.calibrate import PARTS, usual_parts
+from ohmward.traction.calibration.calibrate import PARTS
 from ohmward.traction.calibration.parameters import ROLLING, Parameter
 from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> Outcome:
         for k, text in enumerate(texts, start=1):
             drives.append(read_calibration_drive(text, robot, options, args))
             read(k, len(texts))
-        parts = wanted(args.what, () if args.floor else usual_parts(robot))
+        parts = () if args.floor and args.what is None else wanted(args.what)
         found = calibrate(drives, robot, parts, args.floor, rolling(args.rolling))
     if args.output:
         save_robot(found.robot, args.output)
@@ -59,14 +59,14 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, describe(found, figures), figures["notes"], partial(make_page, found, figures))
 
 
-def wanted(what: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Parts of the robot to calibrate; usual: the parts if --what is not given.
+def wanted(what: str | None) -> tuple[str, ...] | None:
+    """Parts of the robot to calibrate; None for the usual ones.
 
     Raises:
         InputError: --what names anything else.
     """
-    names = usual if what is None else tuple(name.strip() for name in what.split(","))
-    if unknown := [name for name in names if name not in PARTS]:
+    names = None if what is None else tuple(name.strip() for name in what.split(","))
+    if unknown := [name for name in names or () if name not in PARTS]:
         raise InputError(f"--what takes {', '.join(PARTS)}, separated by commas; got {unknown[0]!r}")
     return names
 

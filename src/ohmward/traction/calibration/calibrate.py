@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from ohmward.traction.calibration.parameters import (
     with_parameters,
 )
 from ohmward.traction.calibration.stretches import LENGTH_S, CalibrationDrive, cut, motion_from_speed, stuck
-from ohmward.traction.drive_checks import mended
+from ohmward.traction.drive_checks import check_drive, mended
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
@@ -63,7 +64,7 @@ def calibrate(
     drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
         measured will do, and for the track alone one with a gyro.
     robot: its mass and geometry are assumed correct; or the path of its file, or the name of a packaged one.
-    parts: one or some of `PARTS`; None for `usual_parts`.
+    parts: one or some of `PARTS`; None for `usual_parts`, without motors if no drive has their currents.
     floor: name under which the floor is learnt; None learns none.
     rolling: rolling resistance of the floor, share of the load, and its standard deviation.
 
@@ -72,6 +73,7 @@ def calibrate(
             [0, 1].
     """
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    usual = parts is None
     parts = usual_parts(robot) if parts is None else (parts,) if isinstance(parts, str) else parts
     for part in parts:
         require_one_of("parts", part, PARTS)
@@ -79,39 +81,44 @@ def calibrate(
     one = isinstance(drives, str | CalibrationDrive) or not isinstance(drives, Sequence)
     each: Any = [drives] if one else drives
     by_wheels = floor is None and set(parts) <= {"track"}
-    known = [_known(drive, robot, by_wheels) for drive in each]
+    each = [drive if isinstance(drive, CalibrationDrive) else as_drive(drive, robot) for drive in each]
+    known = [with_sensed_motion(robot, drive, by_wheels) for drive in each]
+    notes = [note for drive in each for note in drive_notes(robot, drive, len(each) > 1)]
+    if usual and "motor" in parts and not any(np.isfinite(drive.log.motor_current_A).any() for drive in known):
+        parts = tuple(part for part in parts if part != "motor")
+        notes.append(Note("the motors were not calibrated: no drive has their currents", "info"))
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))
         robot = with_parameters(robot, found)
     if "track" in parts:
-        radius = [parameter.std / parameter.value for parameter in found if parameter.identified]
+        radius = [radius.std / radius.value if radius.identified else math.inf for radius in found]
         found += calibrate_track(known, robot, *radius)
         robot = with_parameters(robot, found)
     if "motor" in parts:
         found += calibrate_motor(known, robot, rolling)
         robot = with_parameters(robot, found)
     learnt = learn_floor(floor, known, robot) if floor else None
-    notes = stuck_notes(known, robot)
+    notes += calibration_notes(known, robot, found)
     if learnt and (reason := unidentified_floor(learnt)):
-        notes, learnt = (*notes, Note(f"floor {floor!r} was not identified: {reason}", "warning")), None
-    return Calibration(robot, tuple(found), learnt, tuple(known), notes)
+        notes.append(Note(f"floor {floor!r} was not identified: {reason}", "warning"))
+        learnt = None
+    return Calibration(robot, tuple(found), learnt, tuple(known), tuple(notes))
 
 
-def _known(drive: CalibrationDrive | DriveSource, robot: Robot, by_wheels: bool) -> CalibrationDrive:
-    """A drive with the motion of the body, from its sensors if it is not given."""
-    return (
-        drive if isinstance(drive, CalibrationDrive) else with_sensed_motion(robot, as_drive(drive, robot), by_wheels)
-    )
+def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog, named: bool = False) -> tuple[Note, ...]:
+    """Warnings of `check_drive`, with the name of the log where several drives have theirs."""
+    log = drive.log if isinstance(drive, CalibrationDrive) else drive
+    notes = check_drive(robot, log)
+    return tuple(Note(f"{log.name}: {note.text}", note.level) for note in notes) if named else notes
 
 
-def stuck_notes(drives: Sequence[CalibrationDrive], robot: Robot) -> tuple[Note, ...]:
-    """A warning where the wheels turned and the robot stood."""
-    count = int(stuck(cut(drives, robot, steady=False, turning=True, keep_stuck=True)).sum())
-    if not count:
-        return ()
-    text = f"{count} stretches of {LENGTH_S:g} s in which the wheels turn and the robot hardly moves: stuck, left out"
-    return (Note(text, "warning"),)
+def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:
+    """A warning for each parameter that something contradicts, and where the wheels turned and the robot stood."""
+    yield from (Note(f"{parameter.name}: {parameter.warning}", "warning") for parameter in found if parameter.warning)
+    if count := int(stuck(cut(drives, robot, steady=False, turning=True, keep_stuck=True)).sum()):
+        stretches = f"{count} stretch{'es' if count > 1 else ''} of {LENGTH_S:g} s"
+        yield Note(f"{stretches} in which the wheels turn and the robot hardly moves: stuck, left out", "warning")
 
 
 def usual_parts(robot: Robot) -> tuple[str, ...]:
@@ -124,14 +131,16 @@ def usual_parts(robot: Robot) -> tuple[str, ...]:
     return tuple(part for part in PARTS if part != "track" or robot.chassis.scrubs)
 
 
-def with_sensed_motion(robot: Robot, log: DriveLog, by_wheels: bool = False) -> CalibrationDrive:
-    """The drive with the motion of the body by its speed from outside and its gyro.
+def with_sensed_motion(robot: Robot, log: CalibrationDrive | DriveLog, by_wheels: bool = False) -> CalibrationDrive:
+    """The drive with the motion of the body by its speed from outside and its gyro, if it is not given.
 
     by_wheels: without a speed from outside the wheels give the speed, as the radius is assumed correct.
 
     Raises:
         InputError: no speed, or it does not determine the sideways motion.
     """
+    if isinstance(log, CalibrationDrive):
+        return log
     log = mended(robot, log)
     yaw_rate_rad_s = log.yaw_rate_rad_s
     scale_std = 0.0 if yaw_rate_rad_s is None else OdometryNoise().gyro_scale_std

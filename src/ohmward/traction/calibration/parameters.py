@@ -3,8 +3,8 @@
     beta = H^-1 (A' y / sigma^2 + P0^-1 beta0),   H = A' A / sigma^2 + P0^-1
     cov  = H^-1 (sum over groups g g' + P0^-1) H^-1,   g = A_g' e_g / sigma^2     (sandwich; White 1980)
 
-sigma is that of the residuals e. Groups are drives if there are ten of them, else rows: a sandwich of few groups is too
-small. With drives as groups it holds although the rows of one drive are correlated.
+sigma is that of the residuals e. Groups are drives if there are ten of them, else twenty pieces of the drives: a
+sandwich of few groups is too small. It holds although the rows of one group are correlated.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
+from ohmward.runs import from_to
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, CalibrationDrive, Stretches, cut
 from ohmward.traction.odometry.model import RADIUS_STD, STEERING_ZERO_RAD, OdometryNoise
 from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
@@ -42,8 +43,13 @@ MOST_STD = {
     "motor.friction_Nm": 0.5,
     "motor.damping_Nms_per_rad": 0.5,
 }
-#: Largest factor between a radius found and the robot file's: beyond, wheels slip all the time, or a unit is wrong.
-MOST_RADIUS_RATIO = 2.0
+#: Largest factors between a size found and the robot file's: beyond, a unit is wrong, or a radius is a diameter; the
+#: factor of a radius beyond which that is a warning.
+MOST_RADIUS_RATIO, MOST_TURNING_RATIO, DOUBTFUL_RADIUS_RATIO = 1.8, 10.0, 1.2
+#: Relative error of a radius that lasts for seconds, from which it is a warning: hard floors and tyres have less.
+CORRELATED_SHARE = 0.05
+#: Largest relative difference of the radii that the speeds of both sides ask for, in wheels that count alike.
+MOST_UNEQUAL = 0.1
 
 
 class Parameter(NamedTuple):
@@ -53,6 +59,7 @@ class Parameter(NamedTuple):
     value: float  #: as calibrated, or the robot's own where it was not
     std: float  #: standard deviation of that
     reason: str = ""  #: reason why it could not be identified; empty if it was
+    warning: str = ""  #: what contradicts it; empty if nothing does
 
     @property
     def identified(self) -> bool:
@@ -78,8 +85,8 @@ def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
     return robot
 
 
-#: Number of drives from which groups are drives.
-FEWEST_DRIVES = 10
+#: Number of drives from which groups are drives, else that of pieces of the drives.
+FEWEST_DRIVES, PIECES = 10, 20
 #: Least residual over y, for drives without noise: with less, the priors are lost in rounding.
 _LEAST_RESIDUAL = 1e-7
 
@@ -118,11 +125,67 @@ def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray
     """A_g' e_g of every group, (groups, p), corrected for the degrees of freedom of the fit."""
     numbers, group = np.unique(drive, return_inverse=True)
     if numbers.size < FEWEST_DRIVES:
-        group = np.arange(residual.size)
+        group = np.arange(residual.size) * min(PIECES, residual.size) // residual.size
     count = int(group.max()) + 1
     total = np.zeros((count, A.shape[1]))
     np.add.at(total, group, A * residual[:, None])
     return total * np.sqrt(count / max(count - A.shape[1], 1))
+
+
+#: Standard deviations of its own value, beyond the band of all, from which a part of the drives contradicts them.
+_CONTRADICTS = 3.0
+
+
+def correlated_error(residual: np.ndarray, fitted: np.ndarray, drive: np.ndarray) -> float:
+    """Relative standard deviation of the error that lasts from stretch to stretch, which no mean takes out.
+
+    rho_1 = sum e_k e_k+1 / sum e_k^2 (Bartlett 1946: standard deviation 1 / sqrt(K) for white noise). Above twice that
+    there is slip, which has one sign, a true motion that is late or in another frame, or a contradiction.
+
+    residual, fitted, drive: (K,), in the order of time.
+    """
+    same = drive[1:] == drive[:-1]
+    product = (residual[1:] * residual[:-1])[same]
+    variance = float(np.mean(residual**2))
+    if product.size < FEWEST_DRIVES or product.mean() <= 2.0 * variance / math.sqrt(product.size):
+        return 0.0
+    return math.sqrt(float(product.mean() / np.mean(fitted**2)))
+
+
+def contradiction(
+    drives: Sequence[CalibrationDrive], rows: Stretches, fitted: np.ndarray, residual: np.ndarray, share_std: float
+) -> tuple[str, float]:
+    """The drive, or the quarter of a single one, that contradicts all most, and the factor of its own value to theirs.
+
+    fitted, residual: (K,) of all.  share_std: relative standard deviation of their value.  ("", 1.0) where none does.
+    """
+    part = rows.drive if len(drives) > 1 else 4 * np.arange(fitted.size) // fitted.size
+    power, product = (np.bincount(part, fitted * values) for values in (fitted, residual))
+    power = np.maximum(power, 1e-12)
+    own_std = np.sqrt(np.mean(residual**2) / power)
+    beyond = np.abs(product / power) - BAND_95 * share_std - _CONTRADICTS * own_std
+    worst = int(beyond.argmax())
+    if not beyond[worst] > 0.0:
+        return "", 1.0
+    when = "" if len(drives) > 1 else f" {from_to(rows.time_s[part == worst])}"
+    return f"log {drives[worst if len(drives) > 1 else 0].log.name!r}{when}", 1.0 + float(product[worst] / power[worst])
+
+
+def _unequal_sides(robot: Robot, rows: Stretches) -> str:
+    """Reason not to believe wheels whose sides ask for different radii: v = (r_l omega_l + r_r omega_r) / 2."""
+    if not isinstance(robot.chassis, Differential | TwoWheeled) or rows.drive.size < FEWEST_DRIVES:
+        return ""
+    own_m, n = robot.wheel.radius_m, robot.driven
+    left = np.array([place.y_m > 0 for place in robot.places[:n]])
+    A = 0.5 * np.column_stack([rows.wheel_speed_rad_s[:, :n][:, side].mean(axis=1) for side in (left, ~left)])
+    fit = regress(A, rows.motion[:, 0], rows.drive, np.full(2, own_m), np.full(2, own_m))
+    std_m = math.sqrt(fit.cov[0, 0] + fit.cov[1, 1] - 2.0 * fit.cov[0, 1])
+    if not abs(fit.beta[0] - fit.beta[1]) > MOST_UNEQUAL * abs(fit.beta.mean()) + _CONTRADICTS * std_m:
+        return ""
+    return (
+        f"the left wheel asks for a radius of {fit.beta[0]:.3g} m, the right one for {fit.beta[1]:.3g} m: an encoder "
+        "is dead or counts otherwise than the other, or the wheels slip"
+    )
 
 
 #: The number to which the yaw rate of each chassis is inversely proportional, at the same wheel speeds.
@@ -147,7 +210,7 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
 
     v = r |G^+ omega|, fitted over the steady stretches; from the undriven wheels if they have encoders, because these
     do not creep. With driven wheels the radius includes the creep of that floor, so calibrate on the floor that grips
-    best; its sigma allows for the creep of an ordinary floor.
+    best; its sigma allows for the creep of an ordinary floor, and for an error that lasts (`correlated_error`).
 
     Raises:
         InputError: no steady stretch.
@@ -156,23 +219,36 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
     passive = _passive_turns(robot, rows)
     turns = travel_speed(rows.rim) / robot.wheel.radius_m if passive is None else passive
     known = np.isfinite(turns)
-    fit = regress(
-        turns[known, None], travel_speed(rows.motion)[known], rows.drive[known], np.zeros(1), np.array([np.inf])
-    )
+    rows, turns = Stretches(*(values[known] for values in rows)), turns[known]
+    speed_m_s = travel_speed(rows.motion)
+    fit = regress(turns[:, None], speed_m_s, rows.drive, np.zeros(1), np.array([np.inf]))
     creep = _creep(robot, rows) if passive is None else 0.0
-    name, own_m, radius_m = "wheel.radius_m", robot.wheel.radius_m, float(fit.beta[0])
-    std_m = float(np.hypot(np.sqrt(fit.cov[0, 0]), creep * radius_m))
-    if not 1 / MOST_RADIUS_RATIO < radius_m / own_m < MOST_RADIUS_RATIO:
-        reason = (
-            f"the drives give {radius_m:.3g} m for {own_m:.3g} m: the wheels slip all the time, or a unit or the "
-            "radius of the robot file is wrong"
+    own_m, radius_m = robot.wheel.radius_m, max(float(fit.beta[0]), 1e-9)  # > 0 for one that never moved
+    fitted_m_s = radius_m * turns
+    residual_m_s = speed_m_s - fitted_m_s
+    share_std = math.hypot(math.sqrt(fit.cov[0, 0]) / radius_m, creep)
+    part, factor = contradiction(drives, rows, fitted_m_s, residual_m_s, share_std)
+    correlated = correlated_error(residual_m_s, fitted_m_s, rows.drive)
+    std_m = radius_m * math.hypot(share_std, correlated)
+    given = f"the drives give {radius_m:.3g} ± {BAND_95 * std_m:.2g} m"
+    apart = f", {part} alone gives {factor * radius_m:.3g} m" if part else ""
+    ratio = max(radius_m / own_m, own_m / radius_m)
+    reason, warning = _unequal_sides(robot, rows), ""
+    if ratio > MOST_RADIUS_RATIO:
+        reason = reason or (
+            f"{given} for {own_m:.3g} m: the wheels slip all the time, a unit is wrong, or the radius of the robot "
+            "file, as where it is the diameter"
         )
-        return Parameter(name, own_m, std_m, reason)
-    if not is_identified(name, radius_m, std_m):
-        given = f"{radius_m:.3g} ± {BAND_95 * std_m:.2g} m"
-        reason = f"the drives give {given}: the wheels slip much, or there are too few stretches"
-        return Parameter(name, own_m, std_m, reason)
-    return Parameter(name, radius_m, std_m)
+    elif not is_identified("wheel.radius_m", radius_m, std_m):
+        reason = reason or (
+            f"{given}{apart}: the wheels slip much, the true motion is late or in another frame, drives contradict "
+            "each other, or there are too few stretches"
+        )
+    elif ratio > DOUBTFUL_RADIUS_RATIO:
+        warning = f"{given}{apart}, the robot file {own_m:.3g} m: measure it; wheels that slip all the time look alike"
+    elif part or correlated > CORRELATED_SHARE:
+        warning = f"{given}{apart}: slip, which makes it too small, or a true motion that is late or wrong"
+    return Parameter("wheel.radius_m", own_m if reason else radius_m, std_m, reason, "" if reason else warning)
 
 
 def _passive_turns(robot: Robot, rows: Stretches) -> np.ndarray | None:
@@ -200,14 +276,15 @@ def calibrate_track(
     s is the share of the sides' difference that becomes a turn (steering efficiency over 1; A. Mandow et al.,
     "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007), o the offset of a gyro, which stretches
     at rest show. It is fitted to the turn that the wheels predict, after the radius, which straight stretches
-    determine. The wheelbase of a steered robot and the arm of an omni robot are as inversely proportional to the yaw
-    rate, see `TURNS_BY`. A steered robot has the zero of its steering angle as a second parameter; its reading beyond
-    the zero makes the turn d psi_dot / d delta in the same stretches.
+    determine, with unequal radii of both sides, which turns to both sides tell from the track. The wheelbase of a
+    steered robot and the arm of an omni robot are as inversely proportional to the yaw rate, see `TURNS_BY`. A steered
+    robot has the zero of its steering angle as a second parameter; its reading beyond the zero makes the turn
+    d psi_dot / d delta in the same stretches.
 
     Args:
         drives: with the motion of the body, turns among them.
         robot: with its radius calibrated.
-        radius_share_std: relative error of that radius, which the track shares.
+        radius_share_std: relative error of that radius, which the track shares; infinity where it is not identified.
 
     Raises:
         InputError: a mecanum robot, or no stretch.
@@ -233,14 +310,22 @@ def calibrate_track(
     if not yaw_rate.any():
         reason = "the wheels turn the robot, but no yaw rate was measured beside its true speed"
         return tuple(parameter._replace(reason=reason) for parameter in unknown)
-    A = np.column_stack([by_wheels, np.ones_like(by_wheels), *_turn_by_zero(robot, rows.rim)])
-    prior_std = np.array([np.inf, OdometryNoise().gyro_offset_std_rad_s, np.inf])[: A.shape[1]]
+    A = np.column_stack([by_wheels, np.ones_like(by_wheels), _turn_ahead(robot, rows.rim)])
+    rough = max(abs(float(by_wheels @ yaw_rate) / float(by_wheels @ by_wheels)), 1.0 / MOST_TURNING_RATIO)
+    unequal_std = np.inf if isinstance(chassis, Steered) else math.sqrt(2.0) * RADIUS_STD * rough
+    prior_std = np.array([np.inf, OdometryNoise().gyro_offset_std_rad_s, unequal_std])
     fit = regress(A, yaw_rate, rows.drive, np.zeros_like(prior_std), prior_std)
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
+    if reason := _wrong_turn(robot, rows, own_m, share, std, radius_share_std):
+        return unknown[0]._replace(reason=reason), *unknown[1:]
     if not is_identified(name, share, std):
         return unknown
-    scale_std = max(drive.yaw_scale_std for drive in drives)
-    found = Parameter(name, own_m / share, own_m / share * math.hypot(std / share, radius_share_std, scale_std))
+    scale_std, track_m = max(drive.yaw_scale_std for drive in drives), own_m / share
+    share_std = math.hypot(std / share, radius_share_std, scale_std)
+    part, factor = contradiction(drives, rows, share * by_wheels, yaw_rate - A @ fit.beta, share_std)
+    given = f"the drives give {track_m:.3g} ± {BAND_95 * share_std * track_m:.2g} m"
+    warning = f"{given}, {part} alone {track_m / factor:.3g} m: slip, or a true motion that is late or wrong"
+    found = Parameter(name, track_m, share_std * track_m, warning=warning if part else "")
     if not isinstance(chassis, Steered):
         return (found,)
     # exact for a sine of the angle; else to its third power
@@ -251,20 +336,41 @@ def calibrate_track(
     return found, Parameter(ZERO, chassis.steering_zero_rad - zero_rad, zero_std_rad)
 
 
-def _turn_by_zero(robot: Robot, rim: np.ndarray) -> list[np.ndarray]:
-    """Change of the yaw rate (K,) with the steering angle for a motion (K, 2) of a steered robot; [] for others.
+def _wrong_turn(robot: Robot, rows: Stretches, own_m: float, share: float, std: float, radius_share_std: float) -> str:
+    """Reason why turns do not show a size of own_m in the robot file; "" if they may."""
+    if share < -_CONTRADICTS * std < 0.0:
+        return (
+            "the robot turns the other way than its wheels: left and right wheels are exchanged, or the sign of the "
+            "gyro, heading or steering angle is wrong"
+        )
+    if not (0.0 if robot.chassis.scrubs else 1 / MOST_TURNING_RATIO) < share < MOST_TURNING_RATIO:
+        return (
+            f"the drives give {own_m / share:.3g} m for {own_m:.3g} m: the unit of the yaw rate (--unit) or of the "
+            "heading (--pose-unit) is wrong, or the robot hardly turns"
+        )
+    if not math.isfinite(radius_share_std):
+        return "the radius is not identified; where the file's is right, calibrate the track alone (--what track)"
+    return _unequal_sides(robot, rows)
+
+
+def _turn_ahead(robot: Robot, rim: np.ndarray) -> np.ndarray:
+    """Change of the yaw rate (K,) of a robot ahead with what makes it turn, for a motion (K, freedoms).
+
+    The angle delta of a steered robot, and of others the relative difference eps of the radii of both sides:
 
     d/d delta (v tan(delta) / L) = v (1 + tan(delta)^2) / L,   d/d delta (u sin(delta) / L) = v / L
+    d/d eps ((1 + eps/2) v_r - (1 - eps/2) v_l) / b = v / b
     """
-    chassis = robot.chassis
+    chassis, speed_m_s, yaw_rate = robot.chassis, rim[:, 0], rim[:, -1]
+    if isinstance(chassis, Omni | Mecanum):
+        return np.zeros_like(speed_m_s)
     if not isinstance(chassis, Steered):
-        return []
-    speed_m_s, yaw_rate = rim.T
+        return speed_m_s / (chassis.turning_track_m if isinstance(chassis, SkidSteer) else chassis.track_m)
     across_m_s = chassis.wheelbase_m * yaw_rate
     if chassis.measured == "rear":
         safe_m_s = np.where(np.abs(speed_m_s) < SLOWEST_M_S, np.inf, speed_m_s)
         speed_m_s = speed_m_s + across_m_s**2 / safe_m_s
-    return [speed_m_s / chassis.wheelbase_m]
+    return speed_m_s / chassis.wheelbase_m
 
 
 #: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.

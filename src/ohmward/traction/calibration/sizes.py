@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.calibration.calibrate import Calibration, stuck_notes, with_sensed_motion
+from ohmward.traction.calibration.calibrate import Calibration, calibration_notes, drive_notes, with_sensed_motion
 from ohmward.traction.calibration.parameters import (
     TURNS_BY,
     Parameter,
@@ -74,12 +74,7 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
         InputError: the drives do not show a size; the message names the argument that gives it.
     """
     robot = sizes.start()
-    known = [
-        drive
-        if isinstance(drive, CalibrationDrive)
-        else with_sensed_motion(robot, drive, sizes.wheel_radius_m is not None)
-        for drive in drives
-    ]
+    known = [with_sensed_motion(robot, drive, sizes.wheel_radius_m is not None) for drive in drives]
     found: list[Parameter] = []
     if sizes.wheel_radius_m is None:
         rows = cut(known, robot)
@@ -100,7 +95,8 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
     elif robot.chassis.scrubs:
         found += calibrate_track(known, robot, radius_std)
     robot = with_parameters(sizes.robot(), found)
-    return Calibration(robot, tuple(found), None, tuple(known), stuck_notes(known, robot))
+    notes = [note for drive in drives for note in drive_notes(robot, drive, len(drives) > 1)]
+    return Calibration(robot, tuple(found), None, tuple(known), (*notes, *calibration_notes(known, robot, found)))
 
 
 def _required(found: Parameter, option: str) -> Parameter:
