@@ -24,6 +24,12 @@ def test_sizes_become_a_file(as_json, tmp_path):
     assert [wheel["name"] for wheel in first["wheels"] if wheel["driven"]] == ["left", "right"]
 
 
+def test_the_next_commands_quote_the_name_of_the_file(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["robot", "husky", "-o", "my husky.toml"]) == 0
+    assert "ohmward slip drive.csv --robot 'my husky.toml'" in capsys.readouterr().out
+
+
 def test_the_help_explains_every_layout_and_another_is_refused(monkeypatch, refused):
     monkeypatch.setenv("COLUMNS", "2000")
     parser = argparse.ArgumentParser()

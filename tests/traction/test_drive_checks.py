@@ -259,6 +259,12 @@ def test_a_unit_that_is_wrong():
         check_drive(RLMA, replace(doubtful, wheel_speed_rad_s=RLMA.wheel.radius_m * good().wheel_speed_rad_s))
 
 
+def test_a_speed_that_cannot_be_is_refused_beside_other_faults():
+    log = changed(good(TWO, speed_m_s=3.6 * good().speed_m_s), "wheel_speed_rad_s", 0, np.negative)
+    with pytest.raises(InputError, match=r"times the speed that was measured from outside.*counts the other way"):
+        check_drive(TWO, log)
+
+
 def there_and_back(every, std_m_s=0.03, sign=1.0, age_s=0.0):
     """Forward for 8 s, a stop of 4 s, back for 8 s; the speed from outside comes every so many samples, as a size."""
     rng = np.random.default_rng(2)

@@ -101,7 +101,13 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _stuck_robot,
         _wrong_units,
     )
-    return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
+    found: list[str] = []
+    for check in checks:
+        try:
+            found += check(robot, log)
+        except InputError as error:  # another fault may be the cause
+            raise InputError("; ".join([str(error), *found]), error.options) from None
+    return tuple(Note(text, "warning") for text in found)
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:

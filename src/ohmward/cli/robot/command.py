@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -125,8 +126,8 @@ def _text(found: SourcedRobot, output: str | None, backup: Path | None) -> str:
     settings = [f"joints = {{ {named} }}"] if named else []
     settings += [f"imu_rpy = {[round(angle, 4) for angle in rpy]}  # {name}" for name, rpy in found.imu_rpy.items()]
     following = [
-        f"ohmward slip drive.csv --robot {output} --report slip.html",
-        f"ohmward calibrate drive.csv --robot {output} ..., from drives whose true motion is known",
+        f"ohmward slip drive.csv --robot {shlex.quote(output or '')} --report slip.html",
+        f"ohmward calibrate drive.csv --robot {shlex.quote(output or '')} ..., from drives whose true motion is known",
     ]
     return paragraphs(
         f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",

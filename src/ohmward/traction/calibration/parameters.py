@@ -184,7 +184,7 @@ def _unequal_sides(robot: Robot, rows: Stretches) -> str:
         return ""
     return (
         f"the left wheel asks for a radius of {fit.beta[0]:.3g} m, the right one for {fit.beta[1]:.3g} m: an encoder "
-        "is dead or counts otherwise than the other, or the wheels slip"
+        "is dead or counts otherwise than the other, the wheels slip, or the true speed is wrong"
     )
 
 
