@@ -83,7 +83,7 @@ def calibrate(
     by_wheels = floor is None and set(parts) <= {"track"}
     each = [drive if isinstance(drive, CalibrationDrive) else as_drive(drive, robot) for drive in each]
     known = [with_sensed_motion(robot, drive, by_wheels) for drive in each]
-    notes = [note for drive in each for note in drive_notes(robot, drive, len(each) > 1)]
+    notes = [note for drive in each for note in drive_notes(robot, drive)]
     if usual and "motor" in parts and not any(np.isfinite(drive.log.motor_current_A).any() for drive in known):
         parts = tuple(part for part in parts if part != "motor")
         notes.append(Note("the motors were not calibrated: no drive has their currents", "info"))
@@ -106,11 +106,10 @@ def calibrate(
     return Calibration(robot, tuple(found), learnt, tuple(known), tuple(notes))
 
 
-def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog, named: bool = False) -> tuple[Note, ...]:
-    """Warnings of `check_drive`, with the name of the log where several drives have theirs."""
+def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog) -> list[Note]:
+    """Warnings of `check_drive`, with the name of the log."""
     log = drive.log if isinstance(drive, CalibrationDrive) else drive
-    notes = check_drive(robot, log)
-    return tuple(Note(f"{log.name}: {note.text}", note.level) for note in notes) if named else notes
+    return [note._replace(text=f"{log.name}: {note.text}") for note in check_drive(robot, log)]
 
 
 def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:

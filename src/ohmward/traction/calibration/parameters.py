@@ -10,7 +10,7 @@ sandwich of few groups is too small. It holds although the rows of one group are
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -470,22 +470,15 @@ def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
     return Parameter(CONSTANT, file / kappa, float(np.sqrt(fit.cov[KAPPA, KAPPA])) * file / kappa**2)
 
 
-def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Parameter, Parameter]:
-    """Friction and damping, over kappa."""
-    motor = robot.motor
-    alike = (
-        "the speeds are too much alike"
-        if prior_std[DAMPING] == _HELD
-        else "it is small, or the speeds are too much alike"
-    )
-    return (
-        _loss("motor.friction_Nm", FRICTION, fit, motor.friction_Nm, "the rolling resistance of the floor hides it"),
-        _loss("motor.damping_Nms_per_rad", DAMPING, fit, motor.damping_Nms_per_rad, alike),
-    )
-
-
-def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parameter:
-    """The loss in column i if it is identified, else the robot's own."""
-    value = float(fit.beta[i] / fit.beta[KAPPA])
-    std = float(np.sqrt(fit.cov[i, i]) / fit.beta[KAPPA])
-    return Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)
+def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> Iterator[Parameter]:
+    """Friction and damping, over kappa; the robot's own where they are not identified."""
+    motor, kappa = robot.motor, float(fit.beta[KAPPA])
+    alike = "the speeds are too much alike"
+    if prior_std[DAMPING] != _HELD:
+        alike = f"it is small, or {alike}"
+    for i, name, own, reason in (
+        (FRICTION, "motor.friction_Nm", motor.friction_Nm, "the rolling resistance of the floor hides it"),
+        (DAMPING, "motor.damping_Nms_per_rad", motor.damping_Nms_per_rad, alike),
+    ):
+        value, std = float(fit.beta[i]) / kappa, float(np.sqrt(fit.cov[i, i])) / kappa
+        yield Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)

@@ -11,15 +11,7 @@ from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, Steered, TwoWheeled
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import (
-    GRAVITY,
-    ROBOT_FILE,
-    Robot,
-    Wheel,
-    disc_yaw_inertia,
-    require_wheel_radius,
-    solid_box_yaw_inertia,
-)
+from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE, Robot, Wheel, disc_yaw_inertia, solid_box_yaw_inertia
 
 #: Layouts of the wheels of a generic robot.
 LAYOUTS = ("two-wheel", "skid-steer", "car", "tricycle", "mecanum", "omni")
@@ -56,9 +48,8 @@ def generic_robot(
         InputError: a size is impossible, or the layout is unknown.
     """
     base_m = track_m if wheelbase_m is None else wheelbase_m
-    for size, value in (("mass_kg", mass_kg), ("track_m", track_m)):
+    for size, value in (("mass_kg", mass_kg), ("wheel_radius_m", wheel_radius_m), ("track_m", track_m)):
         require_positive(size, value)
-    require_wheel_radius("wheel_radius_m", wheel_radius_m)
     require_positive("wheelbase_m", base_m)
     require_positive("gear_ratio", gear_ratio)
     require_one_of("layout", layout, LAYOUTS)

@@ -41,16 +41,6 @@ _WEIGHING = 0.05
 _LARGEST_WHEEL_M = 3.0
 
 
-def require_wheel_radius(name: str, radius_m: float) -> None:
-    """Raise InputError for a radius [m] that no wheel has."""
-    require_positive(name, radius_m)
-    if radius_m > _LARGEST_WHEEL_M:
-        raise InputError(
-            f"{name} must be at most {_LARGEST_WHEEL_M:g}, got {radius_m:g}; in millimetres? then it is "
-            f"{1e-3 * radius_m:g}, and other lengths too are in metres"
-        )
-
-
 @dataclass(frozen=True)
 class Wheel:
     """Dimensions of a wheel; all wheels of a robot are alike."""
@@ -60,8 +50,12 @@ class Wheel:
     inertia_kg_m2: float  #: moment of inertia of one wheel about its axle, without the motor, > 0
 
     def __post_init__(self) -> None:
-        require_wheel_radius("wheel.radius_m", self.radius_m)
-        require_each_positive("wheel.", self, "width_m", "inertia_kg_m2")
+        require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")
+        if self.radius_m > _LARGEST_WHEEL_M:
+            raise InputError(
+                f"wheel.radius_m must be at most {_LARGEST_WHEEL_M:g}, got {self.radius_m:g}; in millimetres? then it "
+                f"is {1e-3 * self.radius_m:g}, and other lengths too are in metres"
+            )
 
 
 @dataclass(frozen=True)
