@@ -118,6 +118,16 @@ def test_an_encoder_that_counts_half_is_named():
     assert found.robot == RLMA and "the left wheel asks for a radius of 0.2" in found.parameters[0].reason
 
 
+@pytest.mark.parametrize("late_s", [-1.0, 0.0, 2.0])
+def test_a_true_motion_that_is_late_is_named(late_s):
+    log = stuck_drive(0.12, 60.0, 0.0)
+    rim_m_s = 0.12 * log.wheel_speed_rad_s.mean(axis=1)
+    late = replace(log, speed_m_s=np.interp(log.time_s - late_s, log.time_s, rim_m_s))
+    found = [note.text for note in calibrate(late, RLMA, parts="radius").notes if "true motion comes" in note.text]
+    when = "after" if late_s > 0.0 else "before"
+    assert [f"{abs(late_s):.1f} s {when} that of the wheels" in text for text in found] == [True] * (late_s != 0.0)
+
+
 def test_faults_of_the_drives_are_warnings():
     log = stuck_drive(0.12, 60.0, 0.0)
     held = np.where(np.arange(4) == 0, 4.0, log.wheel_speed_rad_s)

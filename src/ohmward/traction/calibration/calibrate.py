@@ -30,10 +30,12 @@ from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, travel_speed
 
 #: Parts of a robot that can be calibrated.
 PARTS = ("radius", "track", "motor")
+#: Shifts [s] in which a true motion may be late, and from which it is a warning.
+_MOST_LATE_S, _LEAST_LATE_S = 3.0, 0.3
 #: Factor between the sum of the loads and the weight from which they are not in newtons.
 _OTHER_UNIT = 3.0
 
@@ -115,9 +117,35 @@ def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog) -> list[Note]:
 def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:
     """A warning for each parameter that something contradicts, and where the wheels turned and the robot stood."""
     yield from (Note(f"{parameter.name}: {parameter.warning}", "warning") for parameter in found if parameter.warning)
+    for drive in drives:
+        if late_s := lateness_s(drive, robot):
+            when = f"{abs(late_s):.1f} s {'after' if late_s > 0.0 else 'before'} that of the wheels: shift its time"
+            yield Note(f"{drive.log.name}: the true motion comes {when}", "warning")
     if count := int(stuck(cut(drives, robot, steady=False, turning=True, keep_stuck=True)).sum()):
         stretches = f"{count} stretch{'es' if count > 1 else ''} of {LENGTH_S:g} s"
         yield Note(f"{stretches} in which the wheels turn and the robot hardly moves: stuck, left out", "warning")
+
+
+def lateness_s(drive: CalibrationDrive, robot: Robot) -> float:
+    """Time [s] by which the true speed comes after that of the wheels, where a shift cures most of what is unlike.
+
+    It is the shift of the largest correlation; 0 where that is small, or the speed is steady.
+    """
+    time_s = drive.log.time_s
+    rim_m_s = travel_speed(motion_from_wheels(robot, drive.log.wheel_speed_rad_s[:, : robot.driven]))
+    known = [
+        (time_s[ok], speed[ok]) for speed in (rim_m_s, travel_speed(drive.motion)) if (ok := np.isfinite(speed)).any()
+    ]
+    grid_s = np.arange(time_s[0] + _MOST_LATE_S, time_s[-1] - _MOST_LATE_S, LENGTH_S / 10)
+    if len(known) < 2 or grid_s.size < 10:
+        return 0.0
+    shifts_s = np.linspace(-_MOST_LATE_S, _MOST_LATE_S, 61)
+    rim, *bodies = np.interp(grid_s, *known[0]), *(np.interp(grid_s + shift_s, *known[1]) for shift_s in shifts_s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unlike = 1.0 - np.nan_to_num([np.corrcoef(rim, body)[0, 1] for body in bodies])
+    best = int(unlike.argmin())
+    cured = unlike[best] < 0.5 * unlike[shifts_s.size // 2]
+    return float(shifts_s[best]) if cured and abs(shifts_s[best]) >= _LEAST_LATE_S else 0.0
 
 
 def usual_parts(robot: Robot) -> tuple[str, ...]:
