@@ -22,6 +22,9 @@ from ohmward.errors import InputError
 SECONDS_PER_HOUR = 3600.0
 DAY_S = 24 * SECONDS_PER_HOUR
 
+#: Seconds since 1970 before which a date, here the year 2000, is that of a clock that nobody has set.
+FIRST_DATE_S = 946_684_800.0
+
 
 class ValueLimits(NamedTuple):
     """Lowest and highest value of a quantity."""

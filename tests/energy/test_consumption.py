@@ -248,6 +248,15 @@ def test_a_heavy_day_shows_on_the_other_terrain_too():
     assert energy_demand(c, gravel).mean_J > 1.02 * light
 
 
+@pytest.mark.parametrize(
+    ("before_s", "now_s", "days"),
+    [(1.8e9, 1.8e9 + 86400.0, 1.0), (1.8e9, 1.7e9, 0.0), (None, 1.8e9, None), (60.0, 1.8e9, None), (1.8e9, 60.0, None)],
+    ids=["a day", "set back", "no date", "learnt in 1970", "now in 1970"],
+)
+def test_days_pass_between_dates_of_clocks_that_somebody_has_set(before_s, now_s, days):
+    assert replace(learned(), last_drive_unix_s=before_s).days_until(now_s) == days
+
+
 def test_months_make_unsure():
     c = learned()
     k = c.force_index("grass")

@@ -311,14 +311,19 @@ def test_the_time_away_is_that_of_the_monotonic_clock_within_a_boot(tmp_path, ba
 
 
 @pytest.mark.parametrize(
-    ("is_set", "unix_s", "away_s"),
-    [(True, 7200.0, 7200.0), (False, 30.0, math.nan), (True, -1.8e9, math.nan)],
-    ids=["set", "goes on from its shutdown", "begins in 1970"],
+    ("before_s", "is_set", "unix_s", "away_s"),
+    [
+        (1.8e9, True, 7200.0, 7200.0),
+        (1.8e9, False, 30.0, math.nan),
+        (1.8e9, True, -1.8e9, math.nan),
+        (60.0, True, 1.8e9, math.nan),
+    ],
+    ids=["set", "goes on from its shutdown", "begins in 1970", "began in 1970"],
 )
 def test_the_time_away_after_another_boot_is_that_of_a_wall_clock_that_is_set(
-    tmp_path, battery, monkeypatch, is_set, unix_s, away_s
+    tmp_path, battery, monkeypatch, before_s, is_set, unix_s, away_s
 ):
-    clock = FakeClock()
+    clock = FakeClock(unix_s=before_s)
     first = folder(tmp_path, clock)
     first.write(driven(battery), clock.now_s())
     first.close()

@@ -37,6 +37,7 @@ from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Innovation, nis
+from ohmward.quantities import DAY_S, FIRST_DATE_S
 from ohmward.traction.robot.robot import GRAVITY
 
 #: Coefficients shared by all terrains, in order; `force_N` and `day_effect` of each terrain follow.
@@ -86,6 +87,13 @@ class Consumption:
                 f"consumption of {len(self.terrains)} terrains needs mean ({n},) and cov ({n}, {n}), "
                 f"got {self.mean.shape} and {self.cov.shape}"
             )
+
+    def days_until(self, unix_s: float | None) -> float | None:
+        """Days from the last drive to a date, >= 0; None without the date of either."""
+        before_s = self.last_drive_unix_s
+        if before_s is None or unix_s is None or min(before_s, unix_s) < FIRST_DATE_S:
+            return None
+        return max(unix_s - before_s, 0.0) / DAY_S
 
     @property
     def names(self) -> tuple[str, ...]:

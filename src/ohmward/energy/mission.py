@@ -38,7 +38,7 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import row_of
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
-from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.toml_file import TomlFile
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, hard_terrain
 from ohmward.traction.robot.robot import Robot
@@ -200,12 +200,9 @@ def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consum
     """Consumption after a new drive, with a note of the days since the last one where both had a wall clock."""
     if record is None:
         return begin_drive(before), []
-    notes = []
-    days = 0.0
-    if record.log.begin_unix_s is not None and before.last_drive_unix_s is not None:
-        days = max(record.log.begin_unix_s - before.last_drive_unix_s, 0.0) / DAY_S
-        notes.append(Note(f"{days:.1f} days since the last drive that was learned from"))
-    c = begin_drive(before, days)
+    days = before.days_until(record.log.begin_unix_s)
+    notes = [] if days is None else [Note(f"{days:.1f} days since the last drive that was learned from")]
+    c = begin_drive(before, days or 0.0)
     for driven in record.driven:
         c = learn(c, driven.stretch, driven.energy_J)
     return replace(c, last_drive_unix_s=record.log.end_unix_s or c.last_drive_unix_s), notes

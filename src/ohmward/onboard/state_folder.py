@@ -39,7 +39,7 @@ from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
 from ohmward.onboard.resume import DRIVE_S, remember, resume
-from ohmward.quantities import DAY_S
+from ohmward.quantities import FIRST_DATE_S
 from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
 
 NAME, PREVIOUS = "snapshot.json", "snapshot-previous.json"
@@ -124,8 +124,7 @@ class StateFolder:
         if not self.consumption_path.exists():
             return None, 0.0
         table = load_consumption(self.consumption_path)
-        before_s = self.clock.unix_s() if table.last_drive_unix_s is None else table.last_drive_unix_s
-        return table, max(self.clock.unix_s() - before_s, 0.0) / DAY_S
+        return table, table.days_until(self.clock.unix_s()) or 0.0
 
     def begin(self, estimation: Estimation) -> None:
         """Continue the estimators from the last snapshot."""
@@ -220,11 +219,13 @@ class StateFolder:
         try:
             if self.before.get("boot") == boot_id() != "":
                 return max(self._since_boot_s() - typed(float, "monotonic_s", self.before.get("monotonic_s")), 0.0)
-            away_s = self.clock.unix_s() - typed(float, "unix_s", self.before.get("unix_s"))
+            before_s = typed(float, "unix_s", self.before.get("unix_s"))
         except InputError as error:
             self.notes.append(str(error))
             return math.nan
-        return away_s if self.clock.is_set() and 0.0 < away_s < math.inf else math.nan
+        away_s = self.clock.unix_s() - before_s
+        is_known = self.clock.is_set() and before_s >= FIRST_DATE_S
+        return away_s if is_known and 0.0 < away_s < math.inf else math.nan
 
 
 def boot_id() -> str:

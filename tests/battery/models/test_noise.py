@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -92,3 +93,5 @@ def test_without_a_date_the_noise_is_that_of_the_file():
 
 def test_a_clock_that_nobody_has_set_is_no_date():
     assert DATED.on(0.0) == DATED.on(math.inf) == DATED
+    learnt_in_1970 = replace(DATED, capacity_known_unix_s=60.0)
+    assert learnt_in_1970.on(TESTED_UNIX_S) == learnt_in_1970

@@ -10,7 +10,7 @@ from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by_weather
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
 from ohmward.errors import InputError
-from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
+from ohmward.quantities import DAY_S, FIRST_DATE_S, SECONDS_PER_HOUR
 from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
 
@@ -126,10 +126,11 @@ class BatteryNoise:
     def on(self, unix_s: float) -> BatteryNoise:
         """The noise on a day: capacity and resistances are less certain the more time has passed since the last log.
 
-        Without a date of either, or if the clock had not been set on that day, the noise is unchanged.
+        Without a date of either, or if the clock had not been set on either day, the noise is unchanged.
         """
         days = (unix_s - self.capacity_known_unix_s) / DAY_S
-        if not (self.capacity_known_unix_s and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
+        is_date = self.capacity_known_unix_s >= FIRST_DATE_S
+        if not (is_date and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
             return self
         age = age_after(days)
         of_age_std = age * AGED_CAPACITY_STD
