@@ -59,10 +59,26 @@ def test_strict_refuses_it(tmp_path, name):
 
 
 def test_the_name_of_the_setup_is_that_of_the_robot_in_every_sink_that_has_none_of_its_own():
-    sinks = (PageSink(), MqttSink(), InfluxSink(url="http://h/write?db=r"), PageSink(robot="cart 2", name="other"))
+    sinks = (
+        PageSink(),
+        MqttSink(),
+        InfluxSink(url="http://h/write?db=r"),
+        PageSink(robot="cart 2", name="other"),
+        ControlSink(mqtt=MqttOutput()),
+    )
     found: list[Any] = [*sinks_of(Setup(name="cart", robot="rlma", sink=sinks))]
-    page, mqtt, influx, other = found
+    page, mqtt, influx, other, control = found
     assert (page.robot, mqtt.topic, influx.robot, other.robot) == ("cart", "ohmward/cart", "cart", "cart 2")
+    assert control.mqtt.topic == "ohmward/cart/drives"
+
+
+@pytest.mark.parametrize(
+    ("name", "sink", "warnings"),
+    [("robot", MqttSink(), 1), ("robot", MqttSink(topic="mine"), 0), ("robot", PageSink(), 0), ("cart", MqttSink(), 0)],
+)
+def test_the_usual_name_is_logged_where_other_robots_may_have_it(caplog, name, sink, warnings):
+    sinks_of(Setup(name=name, robot="rlma", sink=(sink,)))
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["sink mqtt"] * warnings
 
 
 def test_a_control_sink_is_of_the_robot_of_the_setup():

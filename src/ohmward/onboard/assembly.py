@@ -12,6 +12,7 @@ from typing import Any
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.control.outputs import MqttOutput
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import no_such_part
@@ -22,8 +23,11 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.ros.transport import SharedNode
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
+from ohmward.onboard.sinks.webhook import WebhookSink
 from ohmward.onboard.sources.replay import ReplaySource, replays_in_step
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
@@ -113,17 +117,33 @@ def state_folder(setup: Setup) -> StateFolder | None:
     return StateFolder(Path(setup.state or STATE), consumption, setup.learn, live=live)
 
 
+#: Sinks whose receivers tell robots apart by this setting.
+_TELLS_APART = {
+    MqttSink: "topic",
+    InfluxSink: "robot",
+    PostgresqlSink: "robot",
+    WebhookSink: "robot",
+    ControlSink: "mqtt",
+}
+
+
 def sinks_of(setup: Setup) -> list[AnySink]:
     """The sinks of a setup, with the robot's name; a page without a store uses that of the setup's `store` sink.
+
+    The usual name is logged where it leaves this machine: another robot may have it, too.
 
     Raises:
         InputError: a control sink is of another robot than the setup, or a robot file cannot be read.
     """
-    usual = {"robot": "robot", "topic": "ohmward/robot", "store": None}
+    usual = {"robot": Setup.name, "topic": MqttSink.topic, "store": None}
     own = {"robot": setup.name, "topic": f"ohmward/{setup.name}", "store": _store_folder(setup)}
-    sinks = []
+    sinks, shared = [], []
     for sink in setup.sink:
         changed: dict[str, Any] = {key: own[key] for key in usual if getattr(sink, key, "") == usual[key]}
+        if isinstance(sink, ControlSink) and sink.mqtt and sink.mqtt.topic == MqttOutput.topic:
+            changed["mqtt"] = replace(sink.mqtt, topic=f"{own['topic']}/drives")
+        if setup.name == Setup.name and _TELLS_APART.get(type(sink)) in changed:
+            shared.append(sink.name)
         if isinstance(sink, ControlSink) and setup.robot is not None:
             # the wheels of another robot may have another order
             if sink.robot is not None and load_robot(sink.robot) != load_robot(setup.robot):
@@ -132,6 +152,12 @@ def sinks_of(setup: Setup) -> list[AnySink]:
                 )
             changed["robot"] = setup.robot
         sinks.append(replace(sink, **changed))
+    if shared:
+        LOG.warning(
+            "sink %s: this robot is called %r, as is every robot without a name: two of them would mix; name = ...",
+            ", ".join(shared),
+            setup.name,
+        )
     return sinks
 
 

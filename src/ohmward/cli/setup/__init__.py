@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from socket import gethostname
 
 from ohmward.cli.options import CHEMISTRY, ROBOT, add_current_sign_option
 from ohmward.cli.parser import count, pair, positive
@@ -75,7 +76,11 @@ def _add_signals(group: argparse._ArgumentGroup) -> None:
 
 def _add_robot(group: argparse._ArgumentGroup) -> None:
     """Options of the battery and robot files, or of the data that first files are made from."""
-    group.add_argument("--name", default="robot", help="of the robot: in topics, in the store, on the page")
+    group.add_argument(
+        "--name",
+        default=gethostname(),
+        help="of the robot: in topics, in the store, on the page; default: this machine's",
+    )
     group.add_argument("--battery", metavar="FILE.toml", help="battery file; or what the label says:")
     group.add_argument("--chemistry", metavar="NAME", help=CHEMISTRY)
     group.add_argument("--capacity-ah", type=positive, metavar="Q", help="as on the label [Ah]")

@@ -72,7 +72,7 @@ class CanOutput(CanPort):
 class MqttOutput(MqttBroker):
     """A JSON object of all numbers at a topic, not retained."""
 
-    topic: str = "ohmward/robot/drives"  #: command topic
+    topic: str = "ohmward/robot/drives"  #: command topic; by default with the name of the setup instead of "robot"
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
