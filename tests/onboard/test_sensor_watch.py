@@ -295,15 +295,29 @@ def test_a_gyro_that_the_pose_contradicts_is_stuck_while_it_repeats_itself(batte
     assert level(6.0, 0.1) == Level.OK
 
 
-def test_a_quantity_from_two_sources_is_named_and_the_first_is_used(battery):
+@pytest.mark.parametrize(
+    ("first", "second", "names"),
+    [
+        (("can0", ""), ("mqtt", ""), ("can0", "mqtt")),
+        (("ros2", "/bms"), ("ros2", "/bms (publisher 2)"), ("/bms of ros2", "/bms (publisher 2) of ros2")),
+    ],
+    ids=["sources", "publishers of a topic"],
+)
+def test_a_quantity_that_two_send_is_named_and_the_first_is_used(battery, first, second, names):
     watch = SensorWatch(battery, RLMA)
     for k in range(100):
         t = 0.1 * k
-        assert watch.take("can0", t, t, {"battery_voltage_V": 13.0 + 1e-3 * k})
-        assert watch.take("mqtt", t, t, {"battery_voltage_V": 12.0}) == {}
+        assert watch.take(first[0], t, t, {"battery_voltage_V": 13.0 + 1e-3 * k}, first[1])
+        assert watch.take(second[0], t, t, {"battery_voltage_V": 12.0}, second[1]) == {}
     (found,) = [d for d in watch.look(10.0) if d.level != Level.OK]
     assert found.name == "battery_voltage_V"
-    assert "can0 and mqtt both send it; can0 is used" in found.message
+    assert f"{names[0]} and {names[1]} both send it; {names[0]} is used" in found.message
+
+
+def test_an_event_may_come_from_any_publisher_of_a_source(battery):
+    watch = SensorWatch(battery)
+    watch.take("ros2", 0.0, 0.0, {"battery_full": 0.0}, "/bms")
+    assert watch.take("ros2", 0.1, 0.1, {"battery_full": 1.0}, "services") == {"battery_full": 1.0}
 
 
 def test_the_second_source_takes_over_where_the_first_is_silent(battery):

@@ -237,7 +237,7 @@ class Process:
         self._dates.put(time_s, message.date_s)
         if message.source in self._own:
             self._calendar_s = message.date_s - time_s
-        values = self.watch.take(message.source, time_s, message.received_s, message.values)
+        values = self.watch.take(message.source, time_s, message.received_s, message.values, message.publisher)
         if clock_was_set:
             self.watch.clock_was_set(message.source, message.received_s)
         return values

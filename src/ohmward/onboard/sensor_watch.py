@@ -91,7 +91,8 @@ class WatchedSensor:
     """Record of one signal so far."""
 
     signal: str
-    source: str  #: source that sends it
+    source: str  #: source that sends it, and its publisher there, if the source hears several
+    publisher: str
     lowest: float  #: a working sensor reads from this to `highest`
     highest: float
     move: float = math.inf  #: smallest change that counts as a move
@@ -120,8 +121,8 @@ class WatchedSensor:
     good: int = 0  #: other values since the last look
     absent: str = ""  #: sentence if it cannot be used: the robot has no such wheel or motor, counts are in no unit
     plausible: ValueLimits = _ANY  #: lowest and highest value on this robot
-    doubled_by: str = ""  #: other source that sends it too
-    doubled_s: float = -math.inf  #: when that source last sent it
+    doubled_by: str = ""  #: who else sends it
+    doubled_s: float = -math.inf  #: when it last came from there
     repeated: int = 0  #: values that came twice since the last look
     looked_at: float = math.nan  #: value at the last look
     looked_s: float = math.nan  #: time of that value
@@ -282,17 +283,20 @@ class SensorWatch:
                 found[name] = Age(age_s, not any(sensor.has_reported(now_s) for sensor in sensors))
         return found
 
-    def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
+    def take(
+        self, source: str, time_s: float, received_s: float, values: Mapping[str, float], publisher: str = ""
+    ) -> dict[str, float]:
         """Values of a message that may be used, nan for invalid ones; doubled ones are left out."""
         delivery = self.sources.setdefault(source, Delivery())
         delivery.first_s = min(delivery.first_s, received_s)
         delivery.delay_s = received_s - time_s
         clean = {}
         for signal, value in values.items():
-            if (sensor := self.sensors.get(signal) or self._first(signal, source)) is None:
+            if (sensor := self.sensors.get(signal) or self._first(signal, source, publisher)) is None:
                 self._left_out = source
                 continue
-            if sensor.source != source and not self._takes_over(sensor, source, received_s):
+            is_known = sensor.source == source and (sensor.publisher == publisher or signal in EVENTS)
+            if not is_known and not self._takes_over(sensor, source, publisher, received_s):
                 continue
             clean[signal] = sensor.take(time_s, received_s, value)
             if sensor.compared and value == sensor.value and not sensor.stuck:
@@ -381,7 +385,7 @@ class SensorWatch:
             elif name in self._missed:
                 yield Diagnostic(name, Level.OK, "report")
 
-    def _first(self, signal: str, source: str) -> WatchedSensor | None:
+    def _first(self, signal: str, source: str, publisher: str) -> WatchedSensor | None:
         """The sensor of a new signal; None if there are too many already."""
         if len(self.sensors) >= MOST_SENSORS:
             return None
@@ -390,7 +394,7 @@ class SensorWatch:
         # No battery is beyond them, whereas a wheel may spin, a cell be dead, and a circuit be short.
         lowest, highest = plausible if quantity.name == "battery_voltage_V" else quantity.limits
         move = self._moves().get(quantity.name, math.inf)
-        sensor = self.sensors[signal] = WatchedSensor(signal, source, lowest, highest, move)
+        sensor = self.sensors[signal] = WatchedSensor(signal, source, publisher, lowest, highest, move)
         if absent := no_such_part(signal, self.robot):
             sensor.absent = f"{absent}; leave it out of {source}, or correct the robot file"
         elif quantity.name == "wheel_counts" and self.counts_per_turn is None:
@@ -414,12 +418,12 @@ class SensorWatch:
         ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), self.battery.thevenin))
         return {"battery_current_A": current_A, "battery_voltage_V": ohm * current_A}
 
-    def _takes_over(self, sensor: WatchedSensor, source: str, received_s: float) -> bool:
-        """True if the signal's previous source is silent; otherwise it is doubled, and the new source is left out."""
+    def _takes_over(self, sensor: WatchedSensor, source: str, publisher: str, received_s: float) -> bool:
+        """True if the signal's previous sender is silent; otherwise it is doubled, and the new sender is left out."""
         if sensor.is_silent(received_s):
-            sensor.source, sensor.doubled_s = source, -math.inf
+            sensor.source, sensor.publisher, sensor.doubled_s = source, publisher, -math.inf
             return True
-        sensor.doubled_by, sensor.doubled_s = source, received_s
+        sensor.doubled_by, sensor.doubled_s = _sender(source, publisher), received_s
         return False
 
     def _find_repeated(self) -> None:
@@ -470,12 +474,18 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.bad:
         return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
-        return Level.WARN, doubled((sensor.source, sensor.doubled_by), sensor.source)
+        used = _sender(sensor.source, sensor.publisher)
+        return Level.WARN, doubled((used, sensor.doubled_by), used)
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
     return (
         (Level.WARN, text) if (text := _beyond(sensor, sensor.value)) else (Level.OK, f"reports, from {sensor.source}")
     )
+
+
+def _sender(source: str, publisher: str) -> str:
+    """Name of a sender of signals."""
+    return f"{publisher} of {source}" if publisher else source
 
 
 def _fix(sentence: str) -> str:

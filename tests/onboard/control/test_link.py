@@ -482,7 +482,7 @@ def test_torques_go_to_ros_as_arrays_and_to_mqtt_as_objects(tmp_path):
         got: list[bytes] = []
         network = RosNetwork(transport="zenoh", router=f"tcp/127.0.0.1:{port}", node="drives")
         listener = await asyncio.to_thread(network.open)
-        listener.subscribe("/wheels/commands", types.FLOATS, got.append)
+        listener.subscribe("/wheels/commands", types.FLOATS, lambda payload, _: got.append(payload))
         output = RosOutput("zenoh", router=network.router, topic="/wheels/commands", joints=("right", "left"))
         async with output.opened(list(numbers)) as send:
             end_s = time.monotonic() + 60.0

@@ -1,5 +1,6 @@
 """The node of ROS 2 and its transport on rclpy itself, between nodes of this computer."""
 
+import asyncio
 import importlib.util
 import math
 import os
@@ -17,6 +18,7 @@ import ohmward
 from ohmward import generic_battery, save_battery
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.transport import RosNetwork, message_class
+from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.traction.robot.packaged import load_robot
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: pip install 'ohmward[rclpy]', or source a ROS 2")
@@ -130,7 +132,7 @@ def test_the_transport_carries_messages_both_ways(robot):
     transport = RosNetwork(transport="rclpy", namespace="/robot1").open()
     sent = robot.hear(types.BATTERY_STATE, "/robot1/battery_state")
     received: list[bytes] = []
-    transport.subscribe("/bms", types.BATTERY_STATE, received.append)
+    transport.subscribe("/bms", types.BATTERY_STATE, lambda payload, _: received.append(payload))
     robot.until(lambda: received, battery=True)
 
     def echoed() -> bool:
@@ -141,6 +143,23 @@ def test_the_transport_carries_messages_both_ways(robot):
     transport.check()
     transport.close()
     assert (sent[0].voltage, sent[0].temperature) == (pytest.approx(13.2), 24.0)
+
+
+def test_publishers_of_a_topic_are_told_apart(robot):
+    second = robot.node.create_publisher(message_class(types.JOINT_STATE), "joint_states", 10)
+    source, publishers = Ros2Source(transport="rclpy", joint_states="joint_states"), set[str]()
+
+    async def hear() -> None:
+        task = asyncio.create_task(source.run(lambda message: publishers.add(message.publisher)))
+        while len(publishers) < 2:
+            for publisher in (robot.joints, second):
+                publisher.publish(robot.joint_states())
+            await asyncio.sleep(0.02)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(asyncio.wait_for(hear(), PATIENCE_S))
+    assert publishers == {"joint_states", "joint_states (publisher 2)"}
 
 
 @pytest.mark.slow

@@ -21,8 +21,8 @@ from ohmward.errors import InputError
 from ohmward.onboard.ros.zenoh_transport import ZenohTransport
 from ohmward.optional import require
 
-#: Accepts a serialised message; called from a thread of the transport.
-Receive = Callable[[bytes], None]
+#: Accepts a serialised message and the identity of its publisher; called from a thread of the transport.
+Receive = Callable[[bytes, bytes], None]
 
 #: Largest domain of ROS 2: beyond it there are no UDP ports.
 MOST_DOMAIN = 232
@@ -128,7 +128,8 @@ class _Subscription(NamedTuple):
                 taken = self.made.handle.take_message(self.made.msg_type, True)
                 if not taken:
                     break
-                self.receive(taken[0])
+                payload, about = taken
+                self.receive(payload, bytes(about.get("publisher_gid", {}).get("data", b"")))
 
 
 class SharedNode:

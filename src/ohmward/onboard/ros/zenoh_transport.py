@@ -72,11 +72,12 @@ class ZenohTransport:
         attachment = _ATTACHMENT.pack(next(numbers), time.time_ns(), len(identity), identity)
         publisher.put(payload, attachment=attachment)
 
-    def subscribe(self, topic: str, type_: str, receive: Callable[[bytes], None]) -> None:
+    def subscribe(self, topic: str, type_: str, receive: Callable[[bytes, bytes], None]) -> None:
         """Receive the messages of a topic with any type hash, as writers of Humble give none."""
 
         def arrived(sample: Any) -> None:
-            receive(bytes(sample.payload.to_bytes()))
+            about = sample.attachment.to_bytes() if sample.attachment else b""
+            receive(sample.payload.to_bytes(), about[_ATTACHMENT.size - 16 : _ATTACHMENT.size])
 
         self._declared.append(self._session.declare_subscriber(self._key(topic, type_, "*"), arrived))
         self._announce("MS", topic, type_)

@@ -102,8 +102,13 @@ class Ros2Source(RosNetwork):
                 if len(waiting) == 1:  # else they are about to be put
                     loop.call_soon_threadsafe(put_all)
 
-        def receive(topic: str, type_: str, payload: bytes) -> None:
-            hand_over(self.message(type_, payload, time.monotonic(), topic, clock))
+        publishers: dict[str, dict[bytes, str]] = {}
+
+        def receive(topic: str, type_: str, payload: bytes, publisher: bytes) -> None:
+            names = publishers.setdefault(topic, {})
+            name = names.setdefault(publisher, f"{topic} (publisher {len(names) + 1})" if names else topic)
+            message = self.message(type_, payload, time.monotonic(), topic, clock)
+            hand_over(message and message._replace(publisher=name))
 
         def event(signal: str, sentence: str) -> str:
             now_s = time.monotonic() if clock is None else clock.now_s
