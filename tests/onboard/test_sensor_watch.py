@@ -2,6 +2,7 @@ import math
 import random
 import re
 
+import numpy as np
 import pytest
 
 from ohmward import generic_battery
@@ -312,6 +313,14 @@ def test_a_quantity_that_two_send_is_named_and_the_first_is_used(battery, first,
     (found,) = [d for d in watch.look(10.0) if d.level != Level.OK]
     assert found.name == "battery_voltage_V"
     assert f"{names[0]} and {names[1]} both send it; {names[0]} is used" in found.message
+
+
+def test_a_temperature_of_zero_throughout_is_of_no_sensor(battery):
+    watch, used = SensorWatch(battery), []
+    for k, degC in enumerate([0.0, 0.0, 0.5, 0.0]):
+        used += watch.take("ros2", float(k), float(k), {"battery_temperature_degC": degC}).values()
+        assert ["no sensor, left out" in d.message for d in watch.look(k) if "battery" in d.name] == [k < 2]
+    np.testing.assert_equal(used, [math.nan, math.nan, 0.5, 0.0])
 
 
 def test_an_event_may_come_from_any_publisher_of_a_source(battery):

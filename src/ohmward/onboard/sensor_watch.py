@@ -175,7 +175,7 @@ class WatchedSensor:
                 self._moved()
         self._reported(time_s)
         self.good += 1
-        if self.stuck or (self.wrong and self.signal == "battery_current_A"):
+        if self.stuck or self.is_of_no_sensor or (self.wrong and self.signal == "battery_current_A"):
             return math.nan
         self.true_s = received_s
         return value
@@ -213,6 +213,11 @@ class WatchedSensor:
         passed_s, change = self.last_s - self.looked_s, self.value - self.looked_at
         self.looked_at, self.looked_s = self.value, self.last_s
         return change / passed_s if passed_s > 0.0 else math.nan
+
+    @property
+    def is_of_no_sensor(self) -> bool:
+        """True for a temperature that has never been other than 0 degC, as of a message that nobody has filled."""
+        return self.value == 0.0 and self.changes == 1 and self.signal == "battery_temperature_degC"
 
     @property
     def is_same(self) -> bool:
@@ -478,9 +483,11 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
         return Level.WARN, doubled((used, sensor.doubled_by), used)
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
-    return (
-        (Level.WARN, text) if (text := _beyond(sensor, sensor.value)) else (Level.OK, f"reports, from {sensor.source}")
-    )
+    if text := _beyond(sensor, sensor.value):
+        return Level.WARN, text
+    if sensor.is_of_no_sensor:
+        return Level.OK, f"0 degC from {sensor.source} so far, without any change: no sensor, left out"
+    return Level.OK, f"reports, from {sensor.source}"
 
 
 def _sender(source: str, publisher: str) -> str:
