@@ -94,7 +94,8 @@ class Meter:
 
     async def run(self, feed):
         self.latencies, self.memory_MB, self.cpu_s, last_s = Histogram(), [], [], math.nan
-        async for state in feed:
+        while states := await feed.batch(1):
+            (state,) = states
             if state.drive_time_s == last_s or math.isnan(state.drive_time_s):
                 continue
             last_s = state.drive_time_s

@@ -63,7 +63,8 @@ class Meter:
     interval_s: float = 0.0
 
     async def run(self, feed: Feed) -> None:
-        async for state in feed:
+        while states := await feed.batch(1):
+            (state,) = states
             if not math.isnan(state.drive_time_s) and state.drive_time_s not in self.estimates_s[-1:]:
                 self.estimates_s.append(state.drive_time_s)
             for name, level, message, _ in state.diagnostics:

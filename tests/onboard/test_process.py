@@ -54,8 +54,8 @@ class Collector:
     states: list = field(default_factory=list)
 
     async def run(self, feed):
-        async for state in feed:
-            self.states.append(state)
+        while states := await feed.batch():
+            self.states += states
 
 
 def samples(count, source="script"):

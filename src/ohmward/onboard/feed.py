@@ -49,7 +49,7 @@ class Rate:
 
 
 class Feed:
-    """States for one sink, which waits for them: `async for state in feed`.
+    """States for one sink, which waits for them: `while states := await feed.batch()`.
 
     Args:
         interval_s: least time between two states, on average, >= 0; 0 gives every one.
@@ -99,23 +99,9 @@ class Feed:
         self.ended = True
         self._something.set()
 
-    def __aiter__(self) -> Feed:
-        return self
-
-    async def __anext__(self) -> RobotState:
-        while not self._waiting:
-            if self.ended:
-                raise StopAsyncIteration
+    async def batch(self, most: int = LONGEST_FEED) -> list[RobotState]:
+        """All waiting states, at least one and at most `most`; empty once the feed has ended."""
+        while not (self._waiting or self.ended):
             self._something.clear()
             await self._something.wait()
-        return self._waiting.popleft()
-
-    async def batch(self, most: int = 10_000) -> list[RobotState]:
-        """All waiting states, at least one and at most `most`; empty once the feed has ended."""
-        try:
-            states = [await anext(self)]
-        except StopAsyncIteration:
-            return []
-        while self._waiting and len(states) < most:
-            states.append(self._waiting.popleft())
-        return states
+        return [self._waiting.popleft() for _ in range(min(most, len(self._waiting)))]

@@ -107,7 +107,7 @@ def sent_by(process):
 
     async def translate():
         feed.end()
-        async for state in feed:
+        for state in await feed.batch():
             for _, type_, content in translation.messages(state):
                 found.setdefault(type_, []).append(read(type_, content)[1])
 

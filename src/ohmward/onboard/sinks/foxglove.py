@@ -49,7 +49,8 @@ class FoxgloveSink:
             raise OhmwardError(f"port {self.port} cannot be used ({error}); choose another one: port = ...") from error
         channels: dict[str, Any] = {}
         try:
-            async for state in feed:
+            while states := await feed.batch(1):
+                (state,) = states
                 for topic, type_, payload in translation.messages(state):
                     if topic not in channels:
                         text = definition_text(type_).encode()

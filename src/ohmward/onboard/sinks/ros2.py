@@ -77,9 +77,9 @@ class Ros2Sink(RosNetwork):
                 missing[topic] = f"{topic} is not sent: {error}"
         feed.trouble = "; ".join(missing.values())
         feed.put_back((await feed.batch())[-NEWEST:])
-        async for state in feed:
+        while states := await feed.batch(1):
             transport.check()
-            for topic, type_, payload in translation.messages(state):
+            for topic, type_, payload in translation.messages(*states):
                 if topic not in missing:
                     transport.publish(topic, type_, payload)
 
