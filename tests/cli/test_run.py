@@ -1,3 +1,4 @@
+import asyncio
 import json
 import os
 import re
@@ -15,7 +16,7 @@ import pytest
 from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
-from ohmward.cli.run.command import summary
+from ohmward.cli.run.command import summary, watch_setup
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks.page import PageSink
@@ -199,6 +200,25 @@ def test_the_demonstration_takes_another_port_where_its_own_is_taken(monkeypatch
     assert f"port {port} is taken: the page takes another one" in caplog.text
     (page,) = (sink for sink in demonstration.demo_sinks() if isinstance(sink, PageSink))
     assert page.port == port
+
+
+def test_a_setup_that_is_edited_meanwhile_is_named(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("ohmward.cli.run.command.EDITED_S", 0.01)
+    setup = tmp_path / "robot.toml"
+    setup.write_text("before")
+
+    async def edit():
+        watching = asyncio.create_task(watch_setup(setup))
+        await asyncio.sleep(0.05)
+        setup.unlink()
+        await asyncio.sleep(0.05)
+        setup.write_text("after")
+        while not caplog.records:
+            await asyncio.sleep(0.01)
+        watching.cancel()
+
+    asyncio.run(asyncio.wait_for(edit(), 20.0))
+    assert "robot.toml has changed; it is read at the start" in caplog.records[0].getMessage()
 
 
 def test_the_log_can_be_json(example):

@@ -7,8 +7,11 @@ import asyncio
 import json
 import logging
 import sys
+from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from ohmward.checks import require_positive
@@ -31,6 +34,9 @@ REFUSED = 2
 #: Time for which `--check` listens by default [s].
 CHECK_S = 10.0
 
+#: Time between two looks whether the setup was edited [s].
+EDITED_S = 5.0
+
 
 def run(args: argparse.Namespace) -> Outcome:
     """Run until the sources end or the user stops it; or check a setup, or print an example."""
@@ -45,6 +51,8 @@ def run(args: argparse.Namespace) -> Outcome:
             process = lab("onboard.demonstration").demo_process(args.drive)
         else:
             process = assemble(SETUP_FILE.load(args.setup))
+            if (setup := Path(args.setup)).is_file():  # no pipe
+                process.companions.append(("setup", partial(watch_setup, setup)))
         process.estimation.compile()
         asyncio.run(_run(process, args.seconds))
     except OhmwardError as error:
@@ -87,6 +95,17 @@ async def _run(process: Process, seconds: float | None) -> None:
     if seconds is not None:
         asyncio.get_running_loop().call_later(seconds, process.stop)
     await process.run()
+
+
+async def watch_setup(setup: Path) -> None:
+    """Log each change of the file, which is read at the start alone."""
+    read = setup.read_bytes()
+    while True:
+        await asyncio.sleep(EDITED_S)
+        with suppress(OSError):  # an editor may replace it in two steps
+            if (now := setup.read_bytes()) != read:
+                read = now
+                LOG.warning("%s has changed; it is read at the start: restart ohmward to use it", setup)
 
 
 _TITLES = {Level.ERROR: "Wrong, with the fix", Level.WARN: "Not known yet", Level.OK: "In order"}
