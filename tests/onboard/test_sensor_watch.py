@@ -316,7 +316,8 @@ def test_a_quantity_that_two_send_is_named_and_the_first_is_used(battery, first,
 
 
 def test_a_temperature_of_zero_throughout_is_of_no_sensor(battery):
-    watch, used = SensorWatch(battery), []
+    watch = SensorWatch(battery)
+    used: list[float] = []
     for k, degC in enumerate([0.0, 0.0, 0.5, 0.0]):
         used += watch.take("ros2", float(k), float(k), {"battery_temperature_degC": degC}).values()
         assert ["no sensor, left out" in d.message for d in watch.look(k) if "battery" in d.name] == [k < 2]

@@ -99,13 +99,21 @@ def test_a_wheel_that_the_robot_does_not_have_is_named(battery):
     assert found == {"wheel_speed_rad_s.middle": f"the robot has no such wheel; it has {', '.join(PLACES)}"}
 
 
-def test_two_sources_of_a_quantity_are_named(battery):
+@pytest.mark.parametrize(
+    ("senders", "names"),
+    [
+        ([("can0", ""), ("mqtt", "")], "can0 and mqtt"),
+        ([("ros2", "/bms"), ("ros2", "/bms (publisher 2)")], "/bms (publisher 2) of ros2 and /bms of ros2"),
+    ],
+    ids=["sources", "publishers of a topic"],
+)
+def test_two_that_send_a_quantity_are_named(battery, senders, names):
     recorder = Recorder()
     for k in range(100):
-        for source in ("can0", "mqtt"):
-            recorder.put(source, 0.1 * k, {"battery_voltage_V": 13.0})
+        for source, publisher in senders:
+            recorder.put(source, 0.1 * k, {"battery_voltage_V": 13.0, "battery_full": 0.0}, publisher)
     found = check_wiring(recorder.signals(), {}, battery, None)
-    assert any("can0 and mqtt both send it" in f.message for f in found)
+    assert [f.name for f in found if f"{names} both send it" in f.message] == ["battery_voltage_V"]
 
 
 def test_straight_ahead_the_gyro_is_open(battery):

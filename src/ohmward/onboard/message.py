@@ -274,6 +274,11 @@ class MessageSorter:
         )
 
 
+def sender(source: str, publisher: str) -> str:
+    """Name of who sends a signal: a source, or one of the publishers that it hears."""
+    return f"{publisher} of {source}" if publisher else source
+
+
 def places_of(quantity: Quantity, robot: Robot | None) -> tuple[str, ...]:
     """Names of the robot's wheels that have a quantity; empty for a quantity of neither wheels nor motors."""
     if robot is None or quantity.owner not in ("wheel", "motor"):

@@ -19,7 +19,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.evidence import EVIDENCE, Age
-from ohmward.onboard.message import no_such_part
+from ohmward.onboard.message import no_such_part, sender
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import CurrentCheck, Recorder, check_wheels
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
@@ -428,7 +428,7 @@ class SensorWatch:
         if sensor.is_silent(received_s):
             sensor.source, sensor.publisher, sensor.doubled_s = source, publisher, -math.inf
             return True
-        sensor.doubled_by, sensor.doubled_s = _sender(source, publisher), received_s
+        sensor.doubled_by, sensor.doubled_s = sender(source, publisher), received_s
         return False
 
     def _find_repeated(self) -> None:
@@ -479,7 +479,7 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.bad:
         return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
-        used = _sender(sensor.source, sensor.publisher)
+        used = sender(sensor.source, sensor.publisher)
         return Level.WARN, doubled((used, sensor.doubled_by), used)
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
@@ -488,11 +488,6 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.is_of_no_sensor:
         return Level.OK, f"0 degC from {sensor.source} so far, without any change: no sensor, left out"
     return Level.OK, f"reports, from {sensor.source}"
-
-
-def _sender(source: str, publisher: str) -> str:
-    """Name of a sender of signals."""
-    return f"{publisher} of {source}" if publisher else source
 
 
 def _fix(sentence: str) -> str:

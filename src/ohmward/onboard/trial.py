@@ -75,7 +75,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
 
     def put(message: Message) -> None:
         begun.set()
-        recorder.put(message.source, message.received_s, message.values)
+        recorder.put(message.source, message.received_s, message.values, message.publisher)
 
     simulated, driving = connect_simulated_drives(setup.source, sinks_of(setup))
     sinks = [asyncio.create_task(keep_running(f"sink {sink.name}", partial(_open, sink), report)) for sink in driving]

@@ -19,9 +19,9 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.battery.soc.clean_sample import is_temperature
 from ohmward.battery.soc.voltage_faults import JUMP_SHARE
-from ohmward.onboard.message import no_such_part, unmeasured_wheels, wheel_number
+from ohmward.onboard.message import no_such_part, sender, unmeasured_wheels, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.quantities import limits_of, quantity_of
+from ohmward.quantities import EVENTS, limits_of, quantity_of
 from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_numbers, too_seldom
 from ohmward.signals.current_sign import check_current_sign, sign_evidence
 from ohmward.signals.current_size import check_size, check_wrapped
@@ -52,11 +52,12 @@ _LASTING_CHECKS = 20
 
 
 class SignalRecord(NamedTuple):
-    """A signal as it came: its sources, times and values (K,)."""
+    """A signal as it came: its sources, times and values (K,), and who sends it there, see `sender`."""
 
     sources: tuple[str, ...]
     time_s: np.ndarray
     values: np.ndarray
+    senders: tuple[str, ...] = ()
 
     @property
     def rate_hz(self) -> float:
@@ -87,25 +88,26 @@ class Recorder:
     def __init__(self, recent: bool = False) -> None:
         self._recent = recent
         most = int(CHECKED_S / _SPACING_S) if recent else None
-        self._rows: dict[str, deque[tuple[str, float, float]]] = defaultdict(partial(deque, maxlen=most))
+        self._rows: dict[str, deque[tuple[str, float, float, str]]] = defaultdict(partial(deque, maxlen=most))
 
-    def put(self, source: str, time_s: float, values: Mapping[str, float]) -> None:
+    def put(self, source: str, time_s: float, values: Mapping[str, float], publisher: str = "") -> None:
         """Take the values of a message."""
         for signal, value in values.items():
             rows = self._rows[signal]
             if not (self._recent and rows and time_s - rows[-1][1] < _SPACING_S):
-                rows.append((source, time_s, value))
+                rows.append((source, time_s, value, sender(source, publisher)))
 
     def signals(self) -> dict[str, SignalRecord]:
         """Records of all signals that have come."""
         found = {}
         for signal, rows in sorted(self._rows.items()):
-            sources, times, values = zip(*rows, strict=True)
+            sources, times, values, senders = zip(*rows, strict=True)
             time_s, first = np.array(times), 0
             if self._recent:
                 first = max(min(int(np.searchsorted(time_s, time_s[-1] - CHECKED_S)), len(times) - FEWEST_RECENT), 0)
             numbers = np.array(values, dtype=float)
-            found[signal] = SignalRecord(tuple(sorted(set(sources))), time_s[first:], numbers[first:])
+            of_each = [tuple(sorted(set(names))) for names in (sources, senders)]
+            found[signal] = SignalRecord(of_each[0], time_s[first:], numbers[first:], of_each[1])
         return found
 
 
@@ -177,8 +179,8 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
     if absent := no_such_part(signal, robot):
         yield Diagnostic(signal, Level.ERROR, absent)
         return
-    if len(record.sources) > 1:
-        yield Diagnostic(signal, Level.ERROR, doubled(record.sources))
+    if len(record.senders) > 1 and signal not in EVENTS:
+        yield Diagnostic(signal, Level.ERROR, doubled(record.senders))
     finite = record.values[np.isfinite(record.values)]
     limits = limits_of(quantity.name, battery, robot)
     faults = [
