@@ -77,7 +77,8 @@ class ZenohTransport:
 
         def arrived(sample: Any) -> None:
             about = sample.attachment.to_bytes() if sample.attachment else b""
-            receive(sample.payload.to_bytes(), about[_ATTACHMENT.size - 16 : _ATTACHMENT.size])
+            is_known = len(about) == _ATTACHMENT.size  # early versions have another form
+            receive(sample.payload.to_bytes(), _ATTACHMENT.unpack(about)[-1] if is_known else b"")
 
         self._declared.append(self._session.declare_subscriber(self._key(topic, type_, "*"), arrived))
         self._announce("MS", topic, type_)
