@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 import struct
 import zipfile
 from collections.abc import Callable, Sequence
 from datetime import date, datetime, time, timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 from xml.parsers import expat
@@ -34,11 +34,8 @@ from ohmward.optional import require, silenced
 MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
 #: So many cells may lie in any workbook; in one with more, each has at least a byte of the unpacked parts.
 _FEW_CELLS = 1 << 19
-#: Bytes of a part examined at a time, and the longest tag that may lie across two such blocks.
-_BLOCK, _LONGEST_TAG = 1 << 20, 1 << 8
-#: Tag of an Excel cell, and of one with its place, as nearly all programs write it.
-_CELL = re.compile(rb"<(?:\w+:)?c[\s/>]")
-_PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']""")
+#: Bytes of a part read at a time.
+_BLOCK = 1 << 20
 
 
 class _Sheet(NamedTuple):
@@ -133,36 +130,17 @@ def _cells_of_part(name: str, stream: IO[bytes]) -> int:
         return _cells_of_xml(stream, _of_open_document)
     if "/worksheets/" in name and name.endswith(".bin"):
         return _cells_of_records(stream)
-    cells = _cells_of_places(stream)
-    if cells is None and name.endswith(".xml"):
-        stream.seek(0)
-        cells = _cells_of_xml(stream, _of_excel)
+    if "/worksheets/" in name and name.endswith(".xml"):
+        return _cells_of_xml(stream, _of_excel)
     while stream.read(_BLOCK):
         pass
-    return cells or 0
+    return 0
 
 
-def _cells_of_places(stream: IO[bytes]) -> int | None:
-    """Number of cells in an Excel sheet by the places given in them; None if any cell has no place."""
-    sheet = _Extent()
-    before = b""
-    while block := stream.read(_BLOCK):
-        block = before + block
-        end = max(block.rfind(b"<", -_LONGEST_TAG), 0) or len(block)
-        places = _PLACE.findall(block, 0, end)
-        if len(places) != len(_CELL.findall(block, 0, end)):
-            return None
-        before = block[end:]
-        rows = [int(row) for _, row in places]
-        columns = [_column_number(column) for column in {column for column, _ in places}]
-        if places:
-            sheet.include(min(rows), max(rows), min(columns), max(columns))
-    return sheet.cells
-
-
-def _column_number(letters: bytes) -> int:
+@lru_cache(1 << 14)
+def _column_number(letters: str) -> int:
     """1 for A, 26 for Z, 27 for AA."""
-    return sum((letter - 64) * 26**k for k, letter in enumerate(reversed(letters)))
+    return sum((ord(letter) - 64) * 26**k for k, letter in enumerate(reversed(letters.upper())))
 
 
 def _cells_of_xml(stream: IO[bytes], include: Callable[[_Extent, str, dict[str, str]], None]) -> int:
@@ -187,8 +165,8 @@ def _of_excel(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
     elif tag == "c":
         sheet.column += 1
         if place := attributes.get("r"):
-            letters = place.rstrip("0123456789").upper()
-            sheet.column = _column_number(letters.encode())
+            letters = place.rstrip("0123456789")
+            sheet.column = _column_number(letters)
             sheet.row = int(place[len(letters) :])
         sheet.include(sheet.row, sheet.row, sheet.column, sheet.column)
 
