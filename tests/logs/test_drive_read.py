@@ -71,6 +71,15 @@ def test_units_of_wheel_speeds(write, unit, kwargs, factor):
     assert f"in {unit}" in notes(log)
 
 
+@pytest.mark.parametrize(("given", "doubted"), [({}, True), ({"right_wheel_speed": "rad/s"}, False)])
+def test_a_side_in_another_unit_than_its_name_says_is_asked_for(write, given, doubted):
+    time_s = 0.1 * np.arange(100)
+    speed = 3.0 + np.sin(time_s)
+    log = drive(write({"t": time_s, "rpm_left": speed * 30 / math.pi, "rpm_right": speed}), units=given)
+    text = "in rpm, and that in rad/s? then say --unit left_wheel_speed=rpm --unit right_wheel_speed=rad/s"
+    assert (text in notes(log)) == doubted
+
+
 def test_other_units(write):
     columns = {"t_ms": 1000 * TIME, "wl": ONE, "wr": ONE, "i_l (mA)": ONE, "gz_dps": ONE, "pitch_deg": ONE, "ax_g": ONE}
     log = drive(write(columns))

@@ -241,6 +241,9 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
         notes=(
             *table.notes,
             *wheel_columns.unit_notes(columns, mechanics),
+            *wheel_columns.other_unit_notes(
+                {q: c for q, c in columns.items() if channel_of(q) is WHEEL_SPEED}, channels
+            ),
             *conversion_notes,
             *burst_notes,
             *turn_notes,

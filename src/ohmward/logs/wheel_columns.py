@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -255,9 +256,12 @@ def _place(text: str) -> tuple[set[str], frozenset[str], list[int]]:
 def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Column:
     """The column with the unit that was given for this channel, for its side, or for its kind."""
     kind = channel_of(quantity).name
-    sides = [f"{side}_{kind}" for side in SIDES if side in quantity.split("_")]
-    key = next((key for key in (quantity, *sides, kind) if key in units), None)
+    key = next((key for key in (quantity, *_sides(quantity, kind), kind) if key in units), None)
     return column._replace(unit=given_unit(quantity, units[key])) if key else column
+
+
+def _sides(quantity: str, kind: str) -> list[str]:
+    return [f"{side}_{kind}" for side in SIDES if side in quantity.split("_")]
 
 
 def columns_of_sides(names: Sequence[str]) -> dict[str, str]:
@@ -399,6 +403,32 @@ def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
     ways = ways[ways != 0.0]
     turns_round = np.count_nonzero(ways[1:] != ways[:-1])
     return bool(np.ptp(values) >= _FEWEST_COUNTS and turns_round > _UP_AND_DOWN * ways.size)
+
+
+#: Units that columns of wheels may be in; the wheels of a drive turn alike, with this cosine between their speeds, and
+#: of two in different units one so many times as fast, within this share.
+_ROTATIONS, _RATIO_WITHIN, _SAME_DRIVE = (UNITS["rad/s"], UNITS["rpm"], UNITS["deg/s"]), 0.1, 0.8
+
+
+def other_unit_notes(columns: Mapping[str, Column], speeds: Mapping[str, np.ndarray]) -> list[Note]:
+    """A warning of wheels with one unit in their names, of which one turns so much faster as if it were in another one.
+
+    columns, speeds: of the wheels by channel, (T,) in SI units.
+    """
+    for (one, a), (other, b) in combinations(columns.items(), 2):
+        known = np.isfinite(speeds[one]) & np.isfinite(speeds[other])
+        one_rad_s, other_rad_s = speeds[one][known], speeds[other][known]
+        size, other_size = np.linalg.norm(one_rad_s), np.linalg.norm(other_rad_s)
+        if a.unit != b.unit or known.sum() < _FEWEST_ROWS or not size * other_size > 0.0:
+            continue
+        ratio, cosine = size / other_size, abs(one_rad_s @ other_rad_s) / (size * other_size)
+        for slow, fast in permutations(_ROTATIONS, 2):
+            if cosine >= _SAME_DRIVE and abs(ratio * fast.scale / slow.scale - 1.0) <= _RATIO_WITHIN:
+                keys = [(*_sides(quantity, WHEEL_SPEED.name), quantity)[0] for quantity in (one, other)]
+                options = ("--unit", f"{keys[0]}={fast.symbol}", "--unit", f"{keys[1]}={slow.symbol}")
+                text = f"{a.name!r} turns {ratio:.3g} times as fast as {b.name!r}: in {fast.symbol}, and that in "
+                return [Note(f"{text}{slow.symbol}? then say {' '.join(options)}", "warning", options)]
+    return []
 
 
 def without_bursts(
