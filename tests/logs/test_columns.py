@@ -24,6 +24,8 @@ def found(names, **overrides):
         ("%time field.current field.voltage field.temperature", [None] * 4),
         ("__time /battery_state/current /battery_state/voltage /battery_state/temperature", [None] * 4),
         ("header.stamp.sec battery.current battery.voltage", ["s", None, None]),
+        ("created_at BatteryCurrentAmps BatteryVolts BatteryTempCelsius", [None, "A", "V", "degC"]),
+        ("t_ms current_ma_avg bus_mv_avg", ["ms", "mA", "mV"]),
         ("Timestamp pack_current_milliamps pack_voltage_millivolts battery_temp_degF", [None, "mA", "mV", "degF"]),
     ],
 )
@@ -55,6 +57,7 @@ def test_bdf_labels_with_spaces_and_brackets():
         ("temperature", "Surface Temperature T1 / degC", ["Ambient Temperature / degC"]),
         ("temperature", "temperature_t1_celsius", ["ambient_temperature_celsius"]),
         ("current", "I (A)", ["soc", "i2c_errors", "capacity_Ah"]),
+        ("voltage", "Battery Monitor [279] Voltage", ["Solar Charger [258] Voltage"]),
     ],
 )
 def test_the_battery_wins_over_its_neighbours(quantity, winner, losers):
@@ -66,6 +69,13 @@ def test_the_battery_wins_over_its_neighbours(quantity, winner, losers):
 def test_t_is_a_time_and_needs_a_unit_to_be_a_temperature():
     assert "temperature" not in found(["t", "I", "U"])
     assert found(["t", "I", "U", "T / K"])["temperature"] == ("T / K", "K")
+
+
+@pytest.mark.parametrize(
+    "name", ["Inverter temperature (°C)", "motor_temperature", "MOSFET temperature", "cpu temperature"]
+)
+def test_the_temperature_of_another_device_is_not_that_of_the_battery(name):
+    assert "temperature" not in found(["t", "I", "U", name])
 
 
 @pytest.mark.parametrize("names", ["currentA currentB currentC", "I_A I_B", "Motorstrom", "Ladeendspannung"])

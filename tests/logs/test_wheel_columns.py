@@ -64,6 +64,8 @@ def test_every_wheel_has_its_column(names):
         ("motor_rpm_left", "motor_rpm_right"),
         ("lwheel_vel", "rwheel_vel"),
         ("left_tps", "right_tps"),
+        ("v_l(ips)", "v_r(ips)"),
+        ("LeftVelocityRadPerSec", "RightVelocityRadPerSec"),
         ("drivewhl_l_joint velocity [rad/s]", "drivewhl_r_joint velocity [rad/s]"),
         ("rueda_izquierda velocity [rad/s]", "rueda_derecha velocity [rad/s]"),
         ("base_to_left_wheel velocity [rad/s]", "base_to_right_wheel velocity [rad/s]"),

@@ -29,6 +29,10 @@ _OTHER_WORDS = word_set(
     "true truth std sigma var limit max min set setpoint target reference error residual predicted estimated estimate "
     "model step open circuit ocv delta offset bias nanosec nsecs nsec low high lowest highest"
 )
+# Words of what has a temperature of its own.
+_OTHER_DEVICES = word_set(
+    "inverter converter motor mos mosfet fet igbt board pcb cpu mcu esc controller driver charger"
+)
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = word_set("stamp date unix epoch dpt realtime datum fecha changed stempel horodatage 绝对 日期 日時")
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
@@ -352,7 +356,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
             return rank + worse + _WALL_CLOCK_TIME * wall_clock + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
-    return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER
+    others = _OTHER_WORDS | _OTHER_DEVICES if channel is TEMPERATURE else _OTHER_WORDS
+    return _LAST_WORD if last and not others & set(words) else _NEVER
 
 
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:

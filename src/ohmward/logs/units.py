@@ -55,16 +55,19 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("degC", "temperature", 1.0): ("c", "degc", "deg c", "deg_c", "°c", "ºc", "℃", "celsius", "degree celsius"),
     Unit("K", "temperature", 1.0, -273.15): ("k", "kelvin"),
     Unit("degF", "temperature", 5 / 9, -160 / 9): ("f", "degf", "deg f", "deg_f", "°f", "ºf", "℉", "fahrenheit"),
-    Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "rads"),
-    Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "°/s"),
+    Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "radpersec", "rads"),
+    Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "degpersec", "°/s"),
     Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
     Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min", "tr/min", "giri/min", "obr/min", "об/мин"),
-    Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps"),
+    Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps", "rotationspersec"),
     Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "tps", "cps", "qpps"),
     Unit("erpm", "turn rate", 1 / 60): ("erpm",),  # pole pairs of the motor pass in a minute
-    Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
+    Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s", "meterspersec"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
+    Unit("in/s", "speed", 0.0254): ("in/s", "ips"),
+    Unit("ft/s", "speed", 0.3048): ("ft/s",),
     Unit("km/h", "speed", 1 / 3.6): ("km/h", "kmh", "kph"),
+    Unit("mph", "speed", 0.44704): ("mph", "mi/h"),
     Unit("kn", "speed", 1852 / 3600): ("kn", "knot", "knots"),
     Unit("m/s2", "acceleration", 1.0): ("m/s2", "m/s^2", "m/s²", "mps2", "m_per_s2"),
     Unit("g", "acceleration", 9.80665): ("g",),
@@ -105,10 +108,20 @@ _PARTS = "|".join(re.escape(spelling).replace("/", "[/_]") for spelling in _OF_P
 _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$", re.IGNORECASE)
 
 
-# `rpm_left`, `ticks.right`, `motor_rpm_left`
+# `rpm_left`, `ticks.right`, `motor_rpm_left`, `current_ma_left`
 _BEFORE = re.compile(
-    r"^(?P<stem>(?:[^\W_]+[\s_.-]+)*?)(?P<unit>e?rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<rest>.+)$", re.IGNORECASE
+    r"^(?P<stem>(?:[^\W_]+[\s_.-]+)*?)(?P<unit>e?rpm|ticks?|counts?|mps|dps|m[av])[\s_.-]+(?P<rest>.+)$",
+    re.IGNORECASE,
 )
+# `LeftVelocityRadPerSec`, `CurrentAmps`: units that are spelled out
+_SPELLED_OUT = "|".join(
+    sorted(
+        (s for of in _SPELLINGS.values() for s in of if s.isascii() and s.isalpha() and len(s) > 3),
+        key=len,
+        reverse=True,
+    )
+)
+_CAMEL = re.compile(rf"^(?P<stem>.*[a-z\d])(?P<unit>(?=[A-Z])(?i:{_SPELLED_OUT}))(?P<rest>)$")
 # `TimeUS` of ArduPilot, `BattV`, `tempC`, `busVoltageMv`
 _CAPITALS = re.compile(
     r"^(?P<stem>\w*?(?:[Tt]ime(?:stamp)?|[Ee]lapsed|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us|[Vv]oltage|[Cc]urrent"
@@ -148,7 +161,7 @@ def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
 
 
 def _divisions(name: str) -> Iterator[tuple[str, Unit | None]]:
-    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _BEFORE, _CAPITALS):
+    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _BEFORE, _CAPITALS, _CAMEL):
         if (found := notation.match(name)) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
     if (found := _TIME_AS_UNIT.match(name)) and (unit := unit_of(found["unit"])):
