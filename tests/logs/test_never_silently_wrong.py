@@ -147,10 +147,10 @@ def test_a_long_table_of_centuries_is_refused(write_text):
         read_log(write_text(f"time,name,value\n{rows}"))
 
 
-def long_table(labels=("",)):
-    """A row for each value of batteries, whose currents differ by a factor."""
+def long_table(labels=("",), later_s=0.0):
+    """A row for each value of batteries, whose currents differ by a factor and which are logged one after the other."""
     rows = [
-        f"{t},{name},{value},{label}"
+        f"{t + k * later_s},{name},{value},{label}"
         for t, i, u in zip(LOG.time_s, LOG.current_A, LOG.voltage_V, strict=True)
         for k, label in enumerate(labels, start=1)
         for name, value in (("current", k * i), ("voltage", u))
@@ -158,13 +158,26 @@ def long_table(labels=("",)):
     return "\n".join(["time,name,value,robot", *rows, ""])
 
 
-def test_robots_in_a_long_table_are_told_apart_by_a_label(write_text):
-    path = write_text(long_table(["r1", "r2"]))
+@pytest.mark.parametrize("later_s", [0.0, 0.25])
+def test_robots_in_a_long_table_are_told_apart_by_a_label(write_text, later_s):
+    path = write_text(long_table(["r1", "r2"], later_s))
     with pytest.raises(
         InputError, match="they differ in 'robot'; choose one with --where robot=r1 or --where robot=r2"
     ):
         read_log(path)
     np.testing.assert_array_equal(read_log(path, where={"robot": "r2"}).current_A, 2 * LOG.current_A)
+
+
+def test_a_long_table_has_units_in_a_column_and_several_times(write_text):
+    """As exports of Foxglove and Car Scanner do."""
+    rows = [
+        f"{t},{1e9 + t},{name},{value:.0f},{unit}"
+        for t, i, u in zip(LOG.time_s, LOG.current_A, LOG.voltage_V, strict=True)
+        for name, value, unit in (("battery current", 1e3 * i, "mA"), ("battery voltage", 1e3 * u, "mV"))
+    ]
+    log = read_log(write_text("\n".join(["elapsed time,receive time,PID,VALUE,UNITS", *rows, ""])))
+    np.testing.assert_allclose(log.current_A, LOG.current_A, atol=5e-4)
+    np.testing.assert_allclose(log.voltage_V, LOG.voltage_V, atol=5e-4)
 
 
 @pytest.mark.parametrize("times", [1, 3])

@@ -56,15 +56,27 @@ def test_a_table_can_be_named(tmp_path):
         read_log(path, where={"topic": "other"})
 
 
-def test_of_the_logs_of_two_batteries_one_is_named(tmp_path):
+@pytest.mark.parametrize(
+    "columns",
+    ["id, timestamp, current / 2 AS current, voltage", "timestamp, voltage, current / 2 * voltage AS power_W"],
+)
+def test_of_the_logs_of_two_batteries_one_is_named(tmp_path, columns):
     path = with_log(tmp_path)
     with closing(sqlite3.connect(path)) as found, found:
-        found.execute('CREATE TABLE left AS SELECT id, timestamp, current / 2 AS current, voltage FROM "battery log"')
+        found.execute(f'CREATE TABLE left AS SELECT {columns} FROM "battery log"')
     with pytest.raises(
-        InputError, match="2 of its tables hold a log of a battery; choose one with --topic battery log or"
+        InputError, match="2 of its tables hold a log of a battery; choose one with --topic 'battery log' or"
     ):
         read_log(path)
-    np.testing.assert_array_equal(read_log(path, where={"topic": "left"}).current_A, LOG.current_A / 2)
+    half = read_log(path, where={"topic": "left"}, current_sign="charge").current_A
+    np.testing.assert_allclose(half, LOG.current_A / 2, rtol=1e-12)
+
+
+def test_of_two_long_tables_one_is_named(tmp_path):
+    tables = [(f"CREATE TABLE robot_{k} (timestamp TEXT, name TEXT, value REAL)", []) for k in "ab"]
+    rows = [(f"INSERT INTO robot_{k} VALUES (?, ?, ?)", [(date, "current", 1.0) for date in DATES]) for k in "ab"]
+    with pytest.raises(InputError, match="choose one with --topic robot_a or --topic robot_b"):
+        read_log(database(tmp_path, *tables, *rows))
 
 
 def test_a_row_for_each_value_becomes_a_column_for_each_name(tmp_path):

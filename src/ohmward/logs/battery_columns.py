@@ -14,8 +14,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.channels import CURRENT, IN, OUT, VOLTAGE, Channel, letters, word_set
-from ohmward.logs.columns import Column, find_column, has_input_voltage
-from ohmward.logs.table import Note, Table, TableFile, numbers
+from ohmward.logs.columns import Column, find_column, find_columns, has_input_voltage
+from ohmward.logs.table import Note, Progress, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 from ohmward.quantities import words_of
 
@@ -232,6 +232,26 @@ def with_power(
 def power_column(file: TableFile) -> str | None:
     """The only column of a battery power; None if there are none or several."""
     return _only(list(filter(_is_power, file.names)))
+
+
+def with_derived(
+    file: TableFile, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> TableFile:
+    """The file with a voltage of its cells, and a current of both directions or of a power, where it has no other."""
+    return with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
+
+
+def has_log(names: Sequence[str]) -> bool:
+    """True where the names are those of the log of a battery."""
+    try:
+        find_columns("", with_derived(TableFile("", tuple(filter(None, names)), _no_table)).names)
+    except InputError:
+        return False
+    return True
+
+
+def _no_table(names: Collection[str], progress: Progress | None = None) -> Table:
+    raise NotImplementedError
 
 
 def _has(

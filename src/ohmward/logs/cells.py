@@ -329,7 +329,7 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     layered = rows[first_alike - 1] if first_alike - 1 in above else None
     names, timezone = _with_groups(names, layered)
     if units is not None:
-        names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
+        names = [with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
     first = next((at for at in range(first_alike + 1, len(rows)) if is_data(rows[at])), first_alike + 1)
     # a header may name a remark that the rows do not have
     remark = len(names) == block.width + 1 and (not names[-1] or names[-1].lower() == "comment")
@@ -359,7 +359,7 @@ def _bare_unit(cell: str) -> str:
     return cell.strip().strip("[]()").strip()
 
 
-def _with_unit(name: str, unit: str) -> str:
+def with_unit(name: str, unit: str) -> str:
     """The name with the unit of the row below in brackets, unless it has one."""
     bare = _bare_unit(unit)
     if not bare or unit_of(bare) is None or any(found for _, found in split_unit(name)):

@@ -183,15 +183,6 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(unique)
 
 
-def has_log(names: Sequence[str]) -> bool:
-    """True where the names are those of the log of a battery."""
-    try:
-        find_columns("", [name for name in names if name])
-    except InputError:
-        return False
-    return True
-
-
 def other_times(names: Sequence[str], chosen: Collection[str]) -> list[Column]:
     """The columns other than the chosen ones that may be the time, the best first."""
     ranked = [(rank, column) for name in names if name not in chosen for rank, column in _ranks(TIME, name)]

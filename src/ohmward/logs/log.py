@@ -17,10 +17,8 @@ from ohmward.logs.battery_columns import (
     full_charges,
     power_column,
     state_column,
-    with_both_ways,
+    with_derived,
     with_direction,
-    with_pack_voltage,
-    with_power,
     with_sign_of_power,
 )
 from ohmward.logs.clean import without_impossible
@@ -197,7 +195,7 @@ def read_log(
     require_mappings(columns=columns, units=units, where=where)
     opened = open_table(source, hints)
     file = opened.part("battery", where)
-    file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
+    file = with_derived(file, columns, units)
     file = with_joined_time(with_sample_time(file))
     try:
         chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})}, file.head)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Collection
+from contextlib import suppress
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.cells import with_unit
 from ohmward.logs.clean import LONGEST_S, YEAR_S
 from ohmward.logs.clock import read_clock
-from ohmward.logs.columns import Column, argument
-from ohmward.logs.selection import select_rows
+from ohmward.logs.columns import Column, other_times
 from ohmward.logs.table import Note, Table, TableFile, counted, file_of, held, row_numbers
 
 _TIME = "time"
-#: Most batteries or robots in one table: a column of more values numbers its rows.
-_MOST_INSTANCES = 16
 
 
 class LongColumns(NamedTuple):
@@ -26,92 +25,46 @@ class LongColumns(NamedTuple):
     name: str
     value: str
     time: str
+    unit: str | None = None
     holds: bool = False  #: values are written on change only, and hold until the next one
 
 
 _NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag",
-          "topic")  # fmt: skip
+          "topic", "pid")  # fmt: skip
 _VALUES = ("value", "val", "reading", "payload")
-_TIMES = ("time", "timestamp", "ts", "date", "datetime")
-
-
-#: Share of the values with the name and time of another value from which batteries or robots have the same names.
-_MOST_REPEATED = 0.2
+_UNITS = ("unit", "units")
 
 
 def as_wide(file: TableFile) -> TableFile:
-    """A long table with a column for each of its names; any other table as it is.
-
-    The other columns may tell batteries or robots apart, whose names are the same: `part` picks one of them.
-    """
-    columns = _long_columns(file.names)
+    """A long table with a column for each of its names and labels; any other table as it is."""
+    columns = long_columns(file.names)
     if columns is None:
         return file
-    table = file.load(file.names)
-    labels = [name for name in table.columns if name not in columns]
-
-    def opened(table: Table) -> TableFile:
-        wide = _wide(table, columns, file)
-        return file._replace(names=tuple(wide.columns), load=file_of(wide, file.hints).load, time=_TIME, head={})
-
-    def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
-        chosen = {name: wanted for name, wanted in where.items() if name in labels}
-        mine = select_rows(table, chosen)
-        _require_one_instance(mine, columns, [name for name in labels if name not in chosen])
-        rows = opened(mine)
-        for name in chosen:  # for those who select rows by it again
-            rows = rows.with_column(name, (), partial(_throughout, name, mine.columns[name][0]))
-        return rows
-
-    return opened(table)._replace(choose=part)
+    wide = _wide(file.load(file.names), columns, file)
+    return file._replace(names=tuple(wide.columns), load=file_of(wide, file.hints).load, time=_TIME, head={})
 
 
-def _throughout(name: str, value: Any, wide: Table) -> tuple[np.ndarray, Note]:
-    return np.full(wide.line.size, value), Note(f"{name} = {value} throughout")
-
-
-def _require_one_instance(table: Table, columns: LongColumns, labels: Sequence[str]) -> None:
-    """Refuse values of several batteries or robots that have the same names, with the label that tells them apart."""
-
-    def with_codes(series: np.ndarray, name: str) -> np.ndarray:
-        values = table.columns[name]
-        distinct, code = np.unique(values.astype(str) if values.dtype == object else values, return_inverse=True)
-        return series * distinct.size + code
-
-    def is_repeated(series: np.ndarray) -> bool:
-        return np.unique(series).size < (1.0 - _MOST_REPEATED) * series.size
-
-    series = with_codes(with_codes(np.zeros(table.line.size, int), columns.time), columns.name)
-    if not labels or not is_repeated(series):
-        return
-    texts = {name: list(dict.fromkeys(map(str, table.columns[name]))) for name in labels}
-    for name, values in sorted(texts.items(), key=lambda label: len(label[1])):
-        if 1 < len(values) <= _MOST_INSTANCES and not is_repeated(with_codes(series, name)):
-            options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)
-            raise InputError(
-                f"{table.source}: values of one name and time are of several batteries or robots; they differ in "
-                f"{name!r}; choose one with {options} (where={{{name!r}: {values[0]!r}}})"
-            )
-
-
-def _long_columns(names: Collection[str]) -> LongColumns | None:
+def long_columns(names: Collection[str]) -> LongColumns | None:
+    """The columns of a long table by their names; None for any other table."""
     if {"_time", "_value", "_field"} <= set(names):
         return LongColumns("_field", "_value", "_time")
     if {"entity_id", "state"} <= set(names):
         changed = next((name for name in ("last_changed", "last_updated") if name in names), None)
         return LongColumns("entity_id", "state", changed, holds=True) if changed else None
     lower = {name.lower(): name for name in names}
-    found = [next((lower[word] for word in words if word in lower), None) for words in (_NAMES, _VALUES, _TIMES)]
-    name, value, time = found
-    return LongColumns(name, value, time) if name and value and time and len(names) <= 5 else None
+    name, value, unit = (next((lower[w] for w in words if w in lower), None) for words in (_NAMES, _VALUES, _UNITS))
+    times = other_times(tuple(names), {name, value, unit})
+    return LongColumns(name, value, times[0].name, unit) if name and value and times and len(names) <= 5 else None
 
 
 def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
-    """A row for each time at which something was written, in order of time."""
+    """A row for each time at which something was written, and for each robot, in order of time."""
     clock = read_clock(table, Column(columns.time, None), file.hints)
-    values = np.array([_number(cell) for cell in table.columns[columns.value]])
     known = np.isfinite(clock.time_s)
-    names = np.array([str(cell).removeprefix("sensor.") for cell in table.columns[columns.name]])[known]
+    table = table.pick(known)
+    names = np.array([str(cell).removeprefix("sensor.") for cell in table.columns[columns.name]])
+    if columns.unit:
+        names = np.array([with_unit(*pair) for pair in zip(names, table.columns[columns.unit], strict=True)])
     if not names.size:
         raise InputError(f"{table.source}: column {columns.time!r} has no value; a log needs the time of its samples")
     years = np.ptp(clock.time_s[known]) / YEAR_S
@@ -119,13 +72,18 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         raise InputError(
             f"{table.source}: column {columns.time!r} gives a log of {years:,.0f} years; correct its cells"
         )
-    time_s, row = np.unique(clock.time_s[known], return_inverse=True)
+    labels = [] if columns.holds else _labels(table, columns, names)
+    key = reduce(
+        _numbered, [clock.time_s[known], *(table.columns[label] for label in labels)], np.zeros(names.size, int)
+    )
+    _, first, row = np.unique(key, return_index=True, return_inverse=True)
+    time_s = clock.time_s[known][first]
     wide: dict[str, np.ndarray] = {_TIME: time_s}
     if clock.start_unix_s is not None:
         start = np.int64(round(clock.start_unix_s * 1e9))
         nanoseconds = start + np.round(time_s * 1e9).astype(np.int64)
         wide[_TIME] = nanoseconds.astype("M8[ns]")
-    values, lost = values[known], 0
+    values, lost = _numbers(table.columns[columns.value]), 0
     for name in dict.fromkeys(names.tolist()):
         of_name = names == name
         column = np.full(time_s.size, np.nan)
@@ -133,6 +91,7 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         lost += int(np.count_nonzero(np.abs(column[row[of_name]] - values[of_name]) > 0.0))
         if np.isfinite(column).any():
             wide[name] = held(column) if columns.holds else column
+    wide |= {label: table.columns[label][first] for label in labels if label not in wide}
     until = ", each of which holds until the next" if columns.holds else ""
     notes = [Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")]
     if lost:
@@ -140,9 +99,32 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
     return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, *notes))
 
 
-def _number(cell: object) -> float:
-    """The number in a cell, NaN for any text: `unavailable`, `on`."""
-    try:
-        return float(str(cell))
-    except ValueError:
-        return np.nan
+def _labels(table: Table, columns: LongColumns, names: np.ndarray) -> list[str]:
+    """The other columns, which may tell batteries or robots of the same names apart.
+
+    Not those that follow from the names (T,) and from labels of fewer values, or number the rows.
+    """
+    codes = {label: _numbered(np.zeros(names.size, int), table.columns[label]) for label in table.columns}
+    series = _numbered(np.zeros(names.size, int), names)
+    found = []
+    for label in sorted(codes.keys() - set(columns), key=lambda label: codes[label].max()):
+        finer = _numbered(series, codes[label])
+        if finer.max() > series.max() and 2 * codes[label].max() < names.size:
+            found.append(label)
+            series = finer
+    return found
+
+
+def _numbered(series: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Numbers (T,) of the groups of equal values in each of the series (T,), in the order of both."""
+    code = np.unique(values.astype(str) if values.dtype == object else values, return_inverse=True)[1]
+    return np.unique(series * (code.max(initial=0) + 1) + code, return_inverse=True)[1]
+
+
+def _numbers(cells: np.ndarray) -> np.ndarray:
+    """The numbers in cells (T,), NaN for any text: `unavailable`, `on`."""
+    found = np.full(cells.size, np.nan)
+    for row, cell in enumerate(cells):
+        with suppress(ValueError):
+            found[row] = float(str(cell))
+    return found

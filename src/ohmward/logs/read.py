@@ -21,10 +21,11 @@ from ohmward.errors import InputError
 from ohmward.logs import arrays_file, can_file, selection, vehicle_file
 from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware, open_numpy
 from ohmward.logs.bags.bag_table import MAGICS, is_recording, open_bag
+from ohmward.logs.battery_columns import has_log
 from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, read_clock
-from ohmward.logs.columns import Column, fraction_column, has_log, listed, other_times
+from ohmward.logs.columns import Column, fraction_column, listed, other_times
 from ohmward.logs.csv_file import open_csv, readable
 from ohmward.logs.csv_layout import GZIP_MAGIC, UNPACKED_BYTES, UNPACKED_TIMES, LimitedGzip
 from ohmward.logs.frame import is_frame, open_frame, open_parquet

@@ -24,7 +24,7 @@ _MOST_SEPARATORS, _MOST_QUOTED = 3, 8
 #: A file with a selection of its rows.
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 #: Words in the name of a column that tells batteries or robots apart, and words beside them.
-_INSTANCE = frozenset(("instance", "battery", "pack", "bms", "robot"))
+_INSTANCE = frozenset(("instance", "battery", "pack", "bms", "robot", "vehicle", "host", "device"))
 _BESIDE_INSTANCE = frozenset(("id", "no", "nr", "number", "name", "index", "serial"))
 #: Words for the finer part of a stamp in a column of its own, which also tells rows apart.
 _STAMP = frozenset(("s", "sec", "secs", "second", "seconds", "ms", "msec", "millis", "milliseconds", "us", "ns"))

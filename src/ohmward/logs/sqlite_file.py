@@ -6,17 +6,18 @@ Of a recording that is damaged or cut off everything before the damage is read.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
 
 from ohmward.errors import InputError
 from ohmward.logs.bags.recording import Recorded, Recording, Topic, full_type
-from ohmward.logs.columns import has_log, listed
+from ohmward.logs.battery_columns import has_log
+from ohmward.logs.columns import argument, listed
 from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import TOPIC, FileHints
-from ohmward.logs.long_table import as_wide
+from ohmward.logs.long_table import as_wide, long_columns
 from ohmward.logs.table import BATTERY, Note, Progress, Table, TableFile, parsing, row_numbers
 
 MAGIC = b"SQLite format 3\x00"
@@ -88,8 +89,13 @@ def open_sqlite_table(path: Path, hints: FileHints) -> TableFile:
         tables = {name: (columns, rows) for name, columns, rows in _tables(database) if len(columns) > 1 and rows}
     if not tables:
         raise InputError(f"{path.name}: no table of this database has rows of two columns; export its log as CSV")
-    best = max(tables, key=lambda name: (has_log(tables[name][0]), tables[name][1]))
+    best = max(tables, key=lambda name: (_rank(tables[name][0]), tables[name][1]))
     return _table_file(path, best, {name: columns for name, (columns, _) in tables.items()}, hints)
+
+
+def _rank(columns: Sequence[str]) -> int:
+    """2 for the columns of a log, 1 for those of a long table, which may hold one, 0 for others."""
+    return 2 * has_log(columns) or int(long_columns(columns) is not None)
 
 
 @contextmanager
@@ -115,9 +121,10 @@ def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], h
         wanted = str(where.get(TOPIC, table))
         if wanted not in tables:
             raise InputError(f"{path.name}: there is no table {wanted!r}; it has: {listed(list(tables))}")
-        logs = [name for name in tables if has_log(tables[name])]
+        best = max(map(_rank, tables.values()))
+        logs = [name for name, columns in tables.items() if best and _rank(columns) == best]
         if kind == BATTERY and TOPIC not in where and len(logs) > 1:
-            options = " or ".join(f"--topic {name}" for name in logs)
+            options = " or ".join(f"--topic {argument(name)}" for name in logs)
             raise InputError(
                 f"{path.name}: {len(logs)} of its tables hold a log of a battery; choose one with {options} "
                 f"(where={{{TOPIC!r}: {logs[0]!r}}})"

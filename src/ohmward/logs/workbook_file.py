@@ -15,6 +15,7 @@ from xml.parsers import expat
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.battery_columns import has_log
 from ohmward.logs.cells import (
     Header,
     Marks,
@@ -25,7 +26,7 @@ from ohmward.logs.cells import (
     with_units_of_cells,
     without_words,
 )
-from ohmward.logs.columns import has_log, listed, unique_names
+from ohmward.logs.columns import listed, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require, silenced

@@ -23,7 +23,7 @@ from ohmward.logs.bags.recording import (
     definitions_of,
     layout_of,
 )
-from ohmward.logs.columns import has_log
+from ohmward.logs.battery_columns import has_log
 from ohmward.logs.table import (
     BATTERY,
     BOTH,
