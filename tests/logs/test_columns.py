@@ -102,6 +102,11 @@ def test_overrides_win():
     [
         ("time I_1 current voltage", {"columns": {"current": "I_2"}}, r"no column 'I_2' .*did you mean 'I_1'\?"),
         ("time left_current right_current voltage", {}, r"both 'left_current' and 'right_current'.*--column current="),
+        (
+            "time b_current b_voltage a_voltage a_current",
+            {},
+            "2 batteries.* --column current=b_current --column voltage=b_voltage or --column current=a_current --column vol",
+        ),
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
         ("time voltage consumed_mAh", {}, "charge or energy is counted in 'consumed_mAh': log the current"),

@@ -56,8 +56,18 @@ _BY_UNIT = (CURRENT, VOLTAGE, TEMPERATURE)
 class UnclearColumnsError(InputError):
     """The names do not show which column holds a quantity, or several."""
 
-    def __init__(self, source: str, names: Sequence[str], faults: Mapping[str, str], choice: Mapping[str, str | None]):
+    def __init__(
+        self,
+        source: str,
+        names: Sequence[str],
+        faults: Mapping[str, str],
+        choice: Mapping[str, str | None],
+        ties: Sequence[str] = (),
+    ):
         self.faults = faults  #: quantity -> its fault, a clause
+        self.ties = dict.fromkeys(
+            choice, ties
+        )  #: quantity -> the columns that fit it equally well, none if it has none
         self.choice = choice  #: quantity -> a column that may hold it, None if none has a similar name
         given = {quantity: name or "NAME" for quantity, name in choice.items()}
         options = [f"{quantity}={name}" for quantity, name in given.items()]
@@ -119,7 +129,6 @@ def find_columns(
     columns = columns or {}
     units = units or {}
     _require_bdf_columns(source, names)
-    _require_one_table(source, names, columns)
     known = [channel.name for channel in BATTERY]
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
@@ -141,6 +150,17 @@ def find_columns(
                 f"{source}: column {column.name!r} cannot be both the {other} and the {quantity}; choose another with "
                 f"--column {quantity}=NAME (columns={{{quantity!r}: NAME}})"
             )
+    ties = {quantity: names for error in unclear for quantity, names in error.ties.items()}
+    for quantity in {CURRENT.name, VOLTAGE.name} & chosen.keys() - columns.keys():
+        if (again := unique_names([chosen[quantity].name] * 2))[1] in names:
+            ties[quantity] = again
+    if batteries := _batteries(dict(sorted(ties.items()))):
+        flags = [[f"{quantity}={name}" for quantity, name in battery.items()] for battery in batteries]
+        each = (" ".join(f"--column {argument(flag)}" for flag in of_one) for of_one in flags)
+        raise InputError(
+            f"{source}: columns of {len(batteries)} batteries, or tables side by side; choose one with "
+            f"{' or '.join(each)} (columns={batteries[0]})"
+        )
     if unclear:
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
@@ -158,15 +178,26 @@ def find_columns(
     return chosen
 
 
-def _require_one_table(source: str, names: Sequence[str], given: Mapping[str, str]) -> None:
-    """Refuse the tables of two batteries side by side, whose columns have the same names, unless one is chosen."""
-    twice = [name for name in names if unique_names((name, name))[1] in names]
-    first = {channel.name: _best(source, twice, channel) for channel in (TIME, CURRENT, VOLTAGE) if twice}
-    own = {quantity: column.name for quantity, column in first.items() if column}
-    if len(own) == len(first) > 0 and not own.keys() <= given.keys():
-        second = {quantity: unique_names((name, name))[1] for quantity, name in own.items()}
-        options = (" ".join(f"--column {argument(f'{q}={name}')}" for q, name in one.items()) for one in (own, second))
-        raise InputError(f"{source}: two tables side by side; choose one with {' or '.join(options)}")
+def _batteries(ties: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+    """The columns of each of several batteries, where each quantity has as many, and names that match.
+
+    ties: quantity -> the columns that fit it equally well.
+    """
+    if len(ties) < 2 or not all(ties.values()):
+        return []
+    first, *others = ties
+    batteries = [
+        {first: name} | {q: min(ties[q], key=lambda other, name=name: _differences(name, other)) for q in others}
+        for name in ties[first]
+    ]
+    match = all(sorted(battery[q] for battery in batteries) == sorted(ties[q]) for q in ties)
+    return batteries if match else []
+
+
+def _differences(name: str, other: str) -> int:
+    """Number of words and numbers in which two names differ; those of different length differ in all."""
+    a, b = (re.findall(r"[^\W\d_]+|\d+", one) for one in (name, other))
+    return sum(one != another for one, another in zip(a, b, strict=True)) if len(a) == len(b) else len(a) + len(b)
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -263,7 +294,9 @@ def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Co
                 " (if one charges and the other discharges, call them charge_current and discharge_current; those of "
                 "parallel strings add up: write their sum)"
             )
-        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: None if is_current else first})
+        raise UnclearColumnsError(
+            source, names, {quantity: fault}, {quantity: None if is_current else first}, [first, *dict.fromkeys(others)]
+        )
     return fits[0]
 
 
