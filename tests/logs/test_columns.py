@@ -105,7 +105,7 @@ def test_overrides_win():
         (
             "time b_current b_voltage a_voltage a_current",
             {},
-            "2 batteries.* --column current=b_current --column voltage=b_voltage or --column current=a_current --column vol",
+            "2 batteries.* --column current=b_current --column voltage=b_voltage or --column current=a_current --col",
         ),
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),

@@ -132,24 +132,18 @@ def find_instances(table: Table, time: str, channels: Collection[str]) -> str | 
 def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) -> int:
     """Number of batteries or robots whose rows share each stamp without a column that tells them apart; else 1.
 
-    Nearly every stamp has this many rows, and a channel changes more from one of these to the next than from stamp to
-    stamp. Rows of one battery with coarse stamps change less, unless its load is synchronous with them; a column with
-    the finer part of the stamp shows that they are of one.
+    Nearly every stamp has this many rows, which differ by their place in it. Rows of one battery with coarse stamps do
+    not, unless its load is synchronous with them; a column with the finer part of the stamp shows that they are of one.
     """
     if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1
-    time_s = table.columns[time]
-    later = time_s[1:] > time_s[:-1]
-    if later.all():
+    _, first, rows = np.unique(table.columns[time], return_index=True, return_counts=True)
+    count = int(np.median(rows))
+    if not 1 < count <= _MOST_INSTANCES or np.count_nonzero(rows == count) < max(2, _MOST_STAMPS * rows.size):
         return 1
-    first = np.flatnonzero(np.append(True, later))
-    rows_of_stamp = np.diff(first, append=time_s.size)
-    count = int(np.median(rows_of_stamp))
-    whole = first[rows_of_stamp == count]
-    if not 1 < count <= _MOST_INSTANCES or whole.size < max(2, _MOST_STAMPS * first.size):
-        return 1
-    rows = whole[:, None] + np.arange(count)
-    return count if _differ(table, channels, rows[:, 1:].ravel(), (rows[:-1].ravel(), rows[1:].ravel())) else 1
+    place = np.arange(table.line.size) - np.repeat(first, rows)
+    placed = table.only({time, *channels}).with_columns({"": place}).pick(np.repeat(rows == count, rows))
+    return count if find_instances(placed, time, channels) is not None else 1
 
 
 def names_instances(name: str) -> bool:
