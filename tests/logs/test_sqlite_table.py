@@ -73,10 +73,12 @@ def test_of_the_logs_of_two_batteries_one_is_named(tmp_path, columns):
 
 
 def test_of_two_long_tables_one_is_named(tmp_path):
-    tables = [(f"CREATE TABLE robot_{k} (timestamp TEXT, name TEXT, value REAL)", []) for k in "ab"]
-    rows = [(f"INSERT INTO robot_{k} VALUES (?, ?, ?)", [(date, "current", 1.0) for date in DATES]) for k in "ab"]
+    rows = [(date, "current", 1.0) for date in DATES]
+    for robot in ("robot_a", "robot_b"):
+        path = database(tmp_path, (f"CREATE TABLE {robot} (timestamp TEXT, name TEXT, value REAL)", []))
+        database(tmp_path, (f"INSERT INTO {robot} VALUES (?, ?, ?)", rows))
     with pytest.raises(InputError, match="choose one with --topic robot_a or --topic robot_b"):
-        read_log(database(tmp_path, *tables, *rows))
+        read_log(path)
 
 
 def test_a_row_for_each_value_becomes_a_column_for_each_name(tmp_path):

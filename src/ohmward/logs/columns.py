@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -185,9 +186,9 @@ def _batteries(ties: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     """
     if len(ties) < 2 or not all(ties.values()):
         return []
-    first, *others = ties
+    first = next(iter(ties))
     batteries = [
-        {first: name} | {q: min(ties[q], key=lambda other, name=name: _differences(name, other)) for q in others}
+        {quantity: min(fits, key=partial(_differences, name)) for quantity, fits in ties.items()}
         for name in ties[first]
     ]
     match = all(sorted(battery[q] for battery in batteries) == sorted(ties[q]) for q in ties)

@@ -53,8 +53,10 @@ def long_columns(names: Collection[str]) -> LongColumns | None:
         return LongColumns("entity_id", "state", changed, holds=True) if changed else None
     lower = {name.lower(): name for name in names}
     name, value, unit = (next((lower[w] for w in words if w in lower), None) for words in (_NAMES, _VALUES, _UNITS))
-    times = other_times(tuple(names), {name, value, unit})
-    return LongColumns(name, value, times[0].name, unit) if name and value and times and len(names) <= 5 else None
+    if name is None or value is None or len(names) > 5:
+        return None
+    times = other_times(tuple(names), {name, value})
+    return LongColumns(name, value, times[0].name, unit) if times else None
 
 
 def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
