@@ -173,7 +173,7 @@ def test_the_same_message_on_two_buses_is_asked_about(name, tmp_path):
     both = [each for line in lines for each in ([line, line.replace(bus, other)] if bus in line else [line])]
     path.write_text("\n".join(both))
     ending = other.strip(" ,").rpartition(",")[2]
-    with pytest.raises(InputError, match=rf"'Volts of {ending}.pack_voltage \[V\]' may be the voltage"):
+    with pytest.raises(InputError, match=rf"2 batteries.* 'voltage=Volts of {ending}.pack_voltage \[V\]'"):
         read_log(path, hints=hints(tmp_path))
     chosen = {"voltage": f"Volts of {ending}.pack_voltage [V]", "current": f"Pack of {ending}.pack_current [A]"}
     log = read_log(path, hints=hints(tmp_path), columns=chosen, units={"voltage": "V", "current": "A"})
