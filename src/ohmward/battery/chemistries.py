@@ -87,6 +87,9 @@ class ChemistryPrior(NamedTuple):
     #: stays, if negative, the empty end
     ocv_slip: Normal = Normal(0.0, 0.5)
     hysteresis_activation_K: float = 0.0  #: activation temperature of the hysteresis, where that follows the net charge
+    #: SoC that a warm load leaves at the cut-off for each C of its rate: of six cells of porous electrodes 0.002 to
+    #: 0.045 at C/3 and 0.006 to 0.15 at 1 C
+    left_per_C: Normal = Normal(0.04, 0.06)
     #: correlation of capacity loss and resistance growth by ageing, for a given capacity and for one measured from full
     #: to empty at a low rate: an unchanged resistance then gives the capacity to within 7 and 4 %
     ageing_correlation: tuple[float, float] = (0.7, 0.9)
@@ -231,6 +234,7 @@ _LEAD_ACID = ChemistryPrior(
     # acid and sulphate change the resistances more than age does
     ageing_correlation=(0.0, 0.0),
     direction_share=1.0,
+    left_per_C=Normal(1.0, 1.0),
     slow_tau_s=7200.0,
     slow_tau_log_std=0.3,
     measured_curve=CurvePrior((0.020,) * 2, 0.03, 0.3),

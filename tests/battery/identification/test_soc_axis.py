@@ -5,6 +5,7 @@ import pytest
 
 from battery.anchor_examples import day, label
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
+from ohmward.battery.chemistries import Normal
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, capacity_from_rests, full_charges, sweep_anchor
 from ohmward.battery.soc.anchor_rule import SocAnchor
@@ -172,3 +173,36 @@ def test_a_count_that_ends_below_empty_has_drifted_by_that():
     inside, beyond = (SocAxis(np.linspace(1.0, end, 11), anchors, 1.0, ()) for end in (0.0, -0.06))
     assert inside.std == pytest.approx(0.01, rel=1e-12)
     assert beyond.std == pytest.approx(np.hypot(0.01, 0.06 / np.sqrt(3.0)), rel=1e-12)
+
+
+def emptied(given_Ah, rate=0.25, degC=25.0):
+    """Axis for a given capacity of a cell of 2 Ah that a load takes from full to 1 %."""
+    seconds = 0.99 * 3600 / rate
+    log = play(cell(), *steps([(600, 0, 30), (seconds, -2.0 * rate, 10), (1200, 0, 30)]), soc=1.0)
+    log = replace(log, temperature_degC=np.full(len(log), degC))
+    empty_V = float(np.nanmin(log.voltage_V)) + 0.01
+    return anchor_soc(record_of(log, given_Ah), given_Ah, empty_V=empty_V, left_per_C=Normal(0.04, 0.06))
+
+
+@pytest.mark.parametrize("given_Ah", [1.9, 2.12, 2.2])
+def test_a_count_that_a_cut_off_contradicts_is_tied_to_it(given_Ah):
+    axis = emptied(given_Ah)
+    assert axis.soc.min() == pytest.approx(0.01, abs=1e-3)
+    assert axis.capacity_ratio * given_Ah == pytest.approx(2.0, rel=2e-3)
+    (warning,) = [note for note in axis.notes if note.level == "warning"]
+    assert "where a load has emptied the battery" in warning.text
+    assert axis.std == pytest.approx(np.sqrt(np.mean([a.std**2 for a in axis.anchors])), rel=1e-12)
+
+
+def test_a_cut_off_that_agrees_changes_nothing():
+    axis = emptied(2.0)
+    assert len(axis.anchors) == 1 and axis.capacity_ratio == 1.0
+    assert not [note for note in axis.notes if note.level == "warning"]
+
+
+@pytest.mark.parametrize(("rate", "degC", "left"), [(1.0, 25.0, 0.10 - 0.04 / 1.1), (0.25, 5.0, 0.0)])
+def test_a_fast_load_leaves_the_count_open_and_a_cold_one_says_nothing(rate, degC, left):
+    axis = emptied(2.2, rate, degC)
+    assert axis.soc.min() == pytest.approx(0.1, abs=2e-3)
+    assert axis.left == pytest.approx(left, abs=2e-3)
+    assert axis.std == pytest.approx(np.hypot(axis.anchors[0].std, left / np.sqrt(3.0)), abs=2e-3)

@@ -179,9 +179,21 @@ def _curvature_share(usual: OcvCurve, soc: np.ndarray) -> float:
     return float(np.max(np.abs(usual_V - np.interp(grid, soc, at_rests_V)) / usual_V, initial=0.0))
 
 
-def usual_efficiency(settings: IdentificationSettings) -> float:
-    """Coulombic efficiency of the chemistry, 1 for an unknown one."""
-    return CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
+def soc_axis(
+    record: Record, settings: IdentificationSettings, curve: OcvCurve | None = None, curve_axis_std: float = 0.0
+) -> SocAxis:
+    """`anchor_soc` with the values of the user and of the chemistry."""
+    cell = CHEMISTRIES[settings.chemistry] if settings.chemistry else None
+    return anchor_soc(
+        record,
+        settings.capacity_Ah,
+        curve,
+        settings.initial_soc.get(record.log.name),
+        efficiency=cell.coulombic_efficiency if cell else 1.0,
+        ocv_axis_std=curve_axis_std,
+        empty_V=settings.n_series * cell.ocv_V[0] if cell else 0.0,
+        left_per_C=chemistry_prior(settings.chemistry).left_per_C,
+    )
 
 
 def _rests(records: Sequence[Record], settings: IdentificationSettings) -> list[RestPoint]:
@@ -189,9 +201,8 @@ def _rests(records: Sequence[Record], settings: IdentificationSettings) -> list[
     points: list[RestPoint] = []
     first_refusal: InputError | None = None
     for record in records:
-        given = settings.initial_soc.get(record.log.name)
         try:
-            axis = anchor_soc(record, settings.capacity_Ah, None, given, usual_efficiency(settings))
+            axis = soc_axis(record, settings)
         except InputError as refusal:
             if known_without_curve(record, settings):
                 raise

@@ -52,7 +52,7 @@ from ohmward.battery.identification.first_ocv import (
     find_first_ocv,
     known_without_curve,
     line_through,
-    usual_efficiency,
+    soc_axis,
 )
 from ohmward.battery.identification.fit_samples import FitSamples, simulate, thin, thin_branch
 from ohmward.battery.identification.log_details import (
@@ -65,7 +65,7 @@ from ohmward.battery.identification.log_details import (
 )
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
-from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
+from ohmward.battery.identification.soc_axis import SocAxis, axis_std
 from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
@@ -198,12 +198,10 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
 
 def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
     """SoC axis of a record; a curve made from the record's own rests is not used again for its axis."""
-    start, efficiency = settings.initial_soc.get(record.log.name), usual_efficiency(settings)
-    curve, axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
+    curve, curve_axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
     if first and first.source == "rests" and known_without_curve(record, settings):
         curve = None
-    empty_V = settings.n_series * CHEMISTRIES[settings.chemistry].ocv_V[0] if settings.chemistry else 0.0
-    return anchor_soc(record, settings.capacity_Ah, curve, start, efficiency, axis_std, empty_V)
+    return soc_axis(record, settings, curve, curve_axis_std)
 
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
@@ -370,16 +368,23 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, model: The
 def _with_known_capacity(
     noise: BatteryNoise, prepared: Preparation, capacity_Ah: float, details: Sequence[LogDetails] = ()
 ) -> BatteryNoise:
-    """The noise with the date of the log that showed the whole capacity, if there is such a log with a date."""
+    """The noise with the date of the log that showed the whole capacity, if there is such a log with a date.
+
+    A capacity that the logs contradict is as uncertain as that difference.
+    """
     complete = [branch for branch in prepared.first.branches if branch.complete]
     discharges = [branch for branch in complete if branch.direction == "discharge"] or complete  # charges may gas
     logs = {record.log.name: record.log for record in prepared.records}
-    if (day := _last_day([logs[branch.log_name] for branch in discharges])) is not None:
+    if discharges:
         off = abs(float(np.mean([branch.moved_Ah for branch in discharges])) / capacity_Ah - 1.0)
-        return replace(noise, capacity_known_unix_s=day, capacity_known_std=max(TESTED_CAPACITY_STD, off))
-    if (day := _last_day([log.record.log for log in details if log.is_whole])) is not None:
-        return replace(noise, capacity_known_unix_s=day, capacity_known_std=PULSED_CAPACITY_STD)
-    return noise
+    else:
+        off = max((abs(axis.capacity_ratio - 1.0) for axis in prepared.axes), default=0.0)
+    tested, std = [logs[branch.log_name] for branch in discharges], TESTED_CAPACITY_STD
+    if _last_day(tested) is None:
+        tested, std = [log.record.log for log in details if log.is_whole], PULSED_CAPACITY_STD
+    if (day := _last_day(tested)) is None:
+        return replace(noise, capacity_std=max(noise.capacity_std, off))
+    return replace(noise, capacity_known_unix_s=day, capacity_known_std=max(std, off))
 
 
 def _last_day(logs: Sequence[Log]) -> float | None:

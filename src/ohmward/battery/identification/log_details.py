@@ -18,7 +18,7 @@ from ohmward.battery.chemistries import chemistry as chemistry_of
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint, rest_points
 from ohmward.battery.identification.record import Phase, Record, find_pulses, find_rests
-from ohmward.battery.identification.soc_axis import SocAxis
+from ohmward.battery.identification.soc_axis import COLDEST_EMPTY_DEGC, SocAxis
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -32,8 +32,8 @@ SLOWEST_EDGE_S = 2.0
 _SMALLEST_RATE = 1 / 10
 #: Fewest edges for a resistance with a standard error.
 _FEWEST_EDGES = 3
-#: A log from full to empty: largest distance from either, lowest temperature [degC], and SoC whose voltage it reaches.
-_WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTIED_SOC = 0.03, 15.0, 0.02
+#: A log from full to empty: largest distance from either, and SoC whose voltage it reaches.
+_WHOLE_WITHIN, _EMPTIED_SOC = 0.03, 0.02
 
 
 class Edge(NamedTuple):
@@ -219,7 +219,7 @@ class LogDetails:
         In the cold a load takes the voltage there early.
         """
         soc, degC = self.axis.soc, self.record.typical_degC()
-        warm = degC is None or degC >= _COLDEST_WHOLE_DEGC
+        warm = degC is None or degC >= COLDEST_EMPTY_DEGC
         ends = soc.max() >= 1.0 - _WHOLE_WITHIN and abs(soc.min()) <= _WHOLE_WITHIN
         empty_V = float(self.model.ocv.mean_V(_EMPTIED_SOC, ROOM_DEGC))
         return bool(warm and ends and np.nanmin(self.record.log.voltage_V) <= empty_V)

@@ -15,10 +15,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.chemistries import Normal
 from ohmward.battery.identification.fit_samples import hysteresis_by_charge
 from ohmward.battery.identification.ocv_from_logs import CAPACITY_WARNING
-from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest, settled_ends
+from ohmward.battery.identification.record import (
+    LONGEST_PULSE_S,
+    SETTLED_REST_S,
+    Record,
+    find_rests,
+    is_rest,
+    settled_ends,
+)
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.anchor_rule import LITHIUM_LIMITS, REST_C, SocAnchor
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
@@ -50,6 +59,10 @@ _VOLTAGE_STD_SHARE = 0.0015
 _HYSTERESIS_SHARE, _HYSTERESIS_SHARE_STD = 0.9, 0.25
 #: Usual rate gamma of the hysteresis, which reverses within a few per cent of SoC.
 _USUAL_GAMMA = 40.0
+#: Cut-offs lie within this share of the capacity of the lowest charge: after an earlier one, the battery gave more.
+_SAME_CHARGE = 0.01
+#: Lowest temperature at which a load that reaches the voltage of empty has emptied the battery [degC].
+COLDEST_EMPTY_DEGC = 15.0
 #: Losses below this are errors of the current sensor.
 _SMALLEST_LOSS = 0.01
 #: SoC beyond [0, 1] by more means a wrong capacity.
@@ -69,15 +82,17 @@ class SocAxis(NamedTuple):
     anchors: tuple[SocAnchor, ...]  #: those it is tied to
     efficiency: float  #: share of the charging current that is stored
     notes: tuple[Note, ...]  #: for the user
+    left: float = 0.0  #: SoC by the count, beyond the usual, where a load has emptied the battery
+    capacity_ratio: float = 1.0  #: charge from full to empty in the log over the given capacity, where they disagree
 
     @property
     def std(self) -> float:
-        """Standard deviation of the axis: that of its anchors, and of a count that leaves [0, 1].
+        """Standard deviation of the axis: that of its anchors, and of a count that leaves [0, 1] or ends before empty.
 
-        A count that ends x beyond empty or full has drifted by x since its anchor, x / sqrt(3) rms along the way.
+        A count that is off by x at its end has drifted by x since its anchor, x / sqrt(3) rms along the way.
         """
-        beyond = max(-self.soc.min(), self.soc.max() - 1.0, 0.0)
-        return float(np.sqrt(np.mean([a.std**2 for a in self.anchors]) + beyond**2 / 3.0))
+        off = max(-self.soc.min(), self.soc.max() - 1.0, self.left)
+        return float(np.sqrt(np.mean([a.std**2 for a in self.anchors]) + off**2 / 3.0))
 
 
 def anchor_soc(
@@ -88,6 +103,7 @@ def anchor_soc(
     efficiency: float = 1.0,
     ocv_axis_std: float = 0.0,
     empty_V: float = 0.0,
+    left_per_C: Normal | None = None,
 ) -> SocAxis:
     """The state of charge along a record, tied to its best anchors.
 
@@ -95,9 +111,11 @@ def anchor_soc(
     `TEST_START_STD`; the rest at which `ocv` gives the SoC best; a sweep of at least 85 % of the capacity, whose top is
     assumed full.
     The loss between two full charges gives the coulombic efficiency, and any difference left is spread over the charge
-    that flowed; without them `efficiency` holds.
+    that flowed; without them `efficiency` holds. A count that contradicts the ends of discharges at empty
+    (`cut_offs`) is tied to them as well: the capacity is wrong, or the current, or that changed between samples.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
     empty_V: usual open-circuit voltage of an empty battery of this chemistry; 0 where that is unknown.
+    left_per_C: SoC that a load leaves there, for each C of its rate; None where that is unknown.
 
     Raises:
         InputError: nothing shows the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
@@ -106,7 +124,9 @@ def anchor_soc(
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
-    notes = _notes(record, axis, capacity_Ah, ocv)
+    if left_per_C:
+        axis = _ending_empty(record, axis, capacity_Ah, cut_offs(record, capacity_Ah, empty_V, left_per_C))
+    notes = axis.notes + _notes(record, axis, capacity_Ah, ocv)
     if initial_soc is not None and abs(initial_soc - axis.soc[0]) > 3.0 * math.hypot(TEST_START_STD, anchors[0].std):
         set_aside = f"starts at {initial_soc:g} as given, but its full charges say {axis.soc[0]:.3f}, which is taken"
         notes += (Note(f"{record.log.name!r}: {set_aside}", "warning"),)
@@ -132,10 +152,13 @@ def axis_anchors(
         known.append(rest._replace(std=float(np.hypot(rest.std, ocv_axis_std * axis_bridge(rest.soc)))))
     known += sweep_anchor(record, capacity_Ah, empty_V)
     if not known:
-        _require_likely_capacity(record, capacity_Ah)
+        divided = "".join(f"{note.text}; " for note in record.charge.notes if note.level == "warning")
+        if not divided:
+            _require_likely_capacity(record, capacity_Ah)
+        moved = float(np.ptp(record.charge.total_Ah)) / capacity_Ah
         raise InputError(
             f"log {record.log.name!r}: its state of charge is unknown (no full charge, no rest at a known "
-            f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
+            f"open-circuit voltage, {moved:.0%} of the capacity moved, less than {_SWEEP_SHARE:.0%}); {divided}"
             f"give it (--initial-soc {shlex.quote(record.log.name + '=0.8')}, initial_soc={{{record.log.name!r}: "
             "0.8}), add a low-rate test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
         )
@@ -200,6 +223,32 @@ def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tu
     at_top = 0.0 if emptied else 0.5 * (1 - np.ptp(total_Ah) / capacity_Ah)
     std = float(np.clip(at_top, *_SWEEP_STD))
     return (SocAnchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
+
+
+def cut_offs(record: Record, capacity_Ah: float, empty_V: float, left_per_C: Normal) -> tuple[SocAnchor, ...]:
+    """SoC at the lowest charge, where a load has drawn a warm battery below `empty_V`: what its rate usually leaves.
+
+    The load is constant, and lasts or ends in a rest: a drive dips below that voltage long before the battery is empty.
+    """
+    current_A, voltage_V, total_Ah = record.current_A, record.log.voltage_V, record.charge.total_Ah
+    warm = record.log.temperature_along(ROOM_DEGC) >= COLDEST_EMPTY_DEGC
+    low = warm & (voltage_V < empty_V) & (current_A < 0.0)
+    low &= total_Ah - total_Ah.min() < _SAME_CHARGE * capacity_Ah
+    before_rests = {rest.first - 1 for rest in find_rests(record.phases, SETTLED_REST_S)}
+    constant = [p for p in record.phases if p.kind == "constant" and not voltage_V[max(p.first - 1, 0)] < empty_V]
+    ended = [p for p in constant if p.duration_s > LONGEST_PULSE_S or p.last in before_rests]
+    loads = [np.arange(p.first, p.last + 1) for p in ended]
+    ends = [int(load[low[load]][-1]) for load in loads if low[load].any()]
+    rates = -current_A / capacity_Ah
+    return tuple(
+        SocAnchor(
+            at,
+            float(rates[at]) * left_per_C.mean,
+            float(rates[at]) * left_per_C.std,
+            f"cut-off at {voltage_V[at]:.4g} V",
+        )
+        for at in ends
+    )
 
 
 def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
@@ -302,6 +351,30 @@ def _tied(record: Record, capacity_Ah: float, anchors: Sequence[SocAnchor], effi
     at = [a.sample for a in anchors]
     flowed = np.cumsum(np.abs(moved_Ah))
     return counted + np.interp(flowed, flowed[at], [a.soc - counted[a.sample] for a in anchors])
+
+
+def _ending_empty(record: Record, axis: SocAxis, capacity_Ah: float, empties: Sequence[SocAnchor]) -> SocAxis:
+    """The axis, tied to the cut-offs that its count clearly contradicts as well."""
+    first = axis.anchors[0]
+    off = {a: float(axis.soc[a.sample]) - a.soc for a in empties}
+    wrong = [a for a in empties if abs(off[a]) > max(CAPACITY_WARNING, 2.0 * math.hypot(a.std, first.std))]
+    left = max([0.0, *off.values()])
+    if not wrong and left <= CAPACITY_WARNING:
+        return axis._replace(left=left)
+    last = wrong[-1] if wrong else max(empties, key=lambda a: off[a])
+    ratio = (first.soc - axis.soc[last.sample]) / (first.soc - last.soc) if first.soc > _CAPACITY_SPAN else 1.0
+    done = f"it was tied to {last.soc:.3f} there" if wrong else f"{last.soc:.3f} is usual at that rate"
+    text = (
+        f"{record.log.name!r}: the count is at SoC {axis.soc[last.sample]:.3f} where a load has emptied the battery "
+        f"({last.reason}); {done}. Is {ratio * capacity_Ah:.4g} Ah the capacity that estimators should use, not "
+        f"{capacity_Ah:g} Ah? Or does the current err, or change between its samples?"
+    )
+    note = Note(text, "warning")
+    if not wrong:
+        return axis._replace(left=left, notes=(note,))
+    anchors = tuple(sorted({a.sample: a for a in (*wrong, *axis.anchors)}.values()))
+    soc = _tied(record, capacity_Ah, anchors, axis.efficiency)
+    return axis._replace(soc=soc, anchors=anchors, notes=(note,), capacity_ratio=float(ratio))
 
 
 def _require_inside(record: Record, axis: SocAxis, capacity_Ah: float) -> None:
