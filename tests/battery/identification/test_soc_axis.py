@@ -127,6 +127,15 @@ def test_nothing_known_is_refused():
         anchor_soc(record_of(log), 2.0)
 
 
+def test_a_log_that_gaps_divide_is_refused_for_these_not_for_milliampere_hours():
+    """Each part moves a few thousandths of the capacity."""
+    log = play(cell(), *steps([(60, 0, 1), (20, -1, 1), (3600, 0, 1), (20, -1, 1), (60, 0, 1)]), soc=0.6)
+    parts = make_records(log.select((log.time_s < 100) | (log.time_s > 3600)), 2.0)
+    with pytest.raises(InputError, match="is divided at 1 gap") as refused:
+        anchor_soc(parts[0], 2.0)
+    assert "mAh" not in str(refused.value)
+
+
 def test_capacity_far_too_small_is_refused_with_figures():
     with pytest.raises(
         InputError, match=r"with a capacity of 1\.5 Ah .* would run from -0\..* it moves 1\.9.* tied to"

@@ -156,7 +156,8 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
     has_usual = bool(settings.chemistry) and all(known_without_curve(record, settings) for record in records)
     try:
         points = _rests(records, settings)
-        curve = ocv_from_rests(points, _lowest_V(records), reference_degC(records))
+        lowest_V = min(float(np.nanmin(record.log.voltage_V)) for record in records)
+        curve = ocv_from_rests(points, lowest_V, reference_degC(records))
     except InputError:
         if not has_usual:
             raise
@@ -212,10 +213,6 @@ def _rests(records: Sequence[Record], settings: IdentificationSettings) -> list[
     if not points and first_refusal:
         raise first_refusal
     return points
-
-
-def _lowest_V(records: Sequence[Record]) -> float:
-    return min(float(np.nanmin(record.log.voltage_V)) for record in records)
 
 
 def known_without_curve(record: Record, settings: IdentificationSettings) -> bool:

@@ -239,16 +239,8 @@ def cut_offs(record: Record, capacity_Ah: float, empty_V: float, left_per_C: Nor
     ended = [p for p in constant if p.duration_s > LONGEST_PULSE_S or p.last in before_rests]
     loads = [np.arange(p.first, p.last + 1) for p in ended]
     ends = [int(load[low[load]][-1]) for load in loads if low[load].any()]
-    rates = -current_A / capacity_Ah
-    return tuple(
-        SocAnchor(
-            at,
-            float(rates[at]) * left_per_C.mean,
-            float(rates[at]) * left_per_C.std,
-            f"cut-off at {voltage_V[at]:.4g} V",
-        )
-        for at in ends
-    )
+    found = ((at, -float(current_A[at]) / capacity_Ah, f"cut-off at {voltage_V[at]:.4g} V") for at in ends)
+    return tuple(SocAnchor(at, rate * left_per_C.mean, rate * left_per_C.std, text) for at, rate, text in found)
 
 
 def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
