@@ -15,6 +15,7 @@ from ohmward.energy.consumption import (
     jacobian,
     learn,
     scatter_weight,
+    standing_work_J,
     start,
     with_terrain,
 )
@@ -42,15 +43,16 @@ def some_stretches(seed, count):
 def test_one_drive_against_the_joint_gaussian():
     c = known_variances(with_terrain(with_terrain(start(PRIOR), "grass"), "gravel"), 0.5, 0.15)
     stretches = some_stretches(1, 9)
-    y = np.random.default_rng(2).normal(2000.0, 300.0, 9)
-    first, rows, noise = c, [], []
-    for s, energy_J in zip(stretches, y, strict=True):
+    errors_J = np.random.default_rng(2).normal(0.0, 300.0, 9)
+    first, rows, noise, y = c, [], [], []
+    for s, error_J in zip(stretches, errors_J, strict=True):
         rows.append(design_row(c, s))
         noise.append(0.5 * scatter_weight(c, s))
-        c = learn(c, s, energy_J)
+        y.append(rows[-1] @ first.mean + error_J)
+        c = learn(c, s, y[-1])
     X, R, found, c = np.array(rows), np.diag(noise), c, first
     gain = c.cov @ X.T @ np.linalg.inv(X @ c.cov @ X.T + R)
-    mean, cov = c.mean + gain @ (y - X @ c.mean), c.cov - gain @ X @ c.cov
+    mean, cov = c.mean + gain @ (np.array(y) - X @ c.mean), c.cov - gain @ X @ c.cov
     assert found.mean == pytest.approx(mean, rel=1e-9)
     assert found.cov == pytest.approx(cov, rel=1e-7, abs=1e-10)
 
@@ -67,7 +69,8 @@ def test_several_drives_against_regression_with_an_effect_of_each_drive():
         c = replace(c, reference_N=(20.0,))
         for s in some_stretches(drive, 4):
             s = s._replace(terrain="grass", descent_m=0.0)  # wheels that never brake: all is linear
-            x, energy_J = design_row(c, s), rng.normal(2000.0, 200.0)
+            x = design_row(c, s)
+            energy_J = x @ with_terrain(start(PRIOR), "grass").mean + rng.normal(0.0, 200.0)
             rows.append(x[shared])
             effects.append(x[7] * np.eye(4)[drive])
             noise.append(scatter_m * scatter_weight(c, s))
@@ -304,3 +307,15 @@ def test_a_jump_of_the_speed_between_two_samples_is_no_force():
     assert design_row(c, jump)[HEAT] < 1.0
     tiny = jump._replace(distance_m=1e-200)
     assert np.isfinite(jacobian(c, tiny, design_row(c, tiny))).all()
+
+
+@pytest.mark.parametrize("works_first", [True, False])
+def test_a_tool_at_standstill_is_no_idle_power(works_first):
+    """200 W for an hour, beside drives that take 50 W: 10 W of electronics, and 80 N at 0.5 m/s."""
+    work, way = (Stretch("", 180.0), 36_000.0), (stretch_of(Leg(90.0, "grass", 0.5)), 9000.0)
+    c = start(PRIOR)
+    for part in (work, way) if works_first else (way, work):
+        for _ in range(20):
+            c = learn(c, *part)
+    assert c.mean[0] < 25.0 and standing_work_J(c, *work) == pytest.approx(36_000.0 - 180.0 * c.mean[0])
+    assert energy_demand(c, [way[0]]).mean_J == pytest.approx(9000.0, rel=0.02)

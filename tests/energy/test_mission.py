@@ -93,6 +93,13 @@ def test_a_log_that_ends_at_the_cut_off_is_remembered():
     assert analyse(battery((20.0, 28.0)), start(PRIOR), LOG, ground="grass", settings=above).consumption.end is None
 
 
+def test_a_drive_that_costs_nothing_is_warned_of_and_forecasts_nothing():
+    charging = replace(LOG, current_A=-LOG.current_A)
+    result = analyse(battery(), start(PRIOR), charging, ground="grass", settings=SOC)
+    assert result.notes[-1].text.startswith("the drive seems to take next to nothing")
+    assert result.range.distance_m.p50 < 432e3 / 10.0
+
+
 def test_a_log_that_ends_below_the_usual_reserve_reaches_to_empty():
     state, notes = battery_at_end(battery(), MissionSettings(soc=0.05), None, LOG)
     assert state.reserve_soc == 0.0

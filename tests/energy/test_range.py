@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from energy.examples import battery, certain, learned
+from energy.examples import PRIOR, battery, certain, learned
+from ohmward.energy.consumption import learn, start
 from ohmward.energy.leg import Leg, Stretch, stretch_of
-from ohmward.energy.range import distances, range_along, range_left, time_left
+from ohmward.energy.range import credible, distances, range_along, range_left, time_left
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 
@@ -33,10 +34,30 @@ def test_the_root_of_distance(per_m, scatter, usable):
     assert per_m * d + scatter * np.sqrt(d) == pytest.approx(usable, rel=1e-9, abs=1e-6)
 
 
-def test_ground_that_gives_energy_has_no_end():
+def test_no_ground_descends_for_ever():
     c = certain(idle_W=0.1, force_N=1.0, climb=1.0, regeneration=1.0)
-    found = range_left(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.1))], battery(), BatteryState(0.5))
-    assert found.distance_m == (np.inf,) * 3
+    down, flat = (
+        range_left(c, [stretch_of(Leg(100.0, "grass", 0.5, grade_rad))], battery(), BatteryState(0.5)).distance_m
+        for grade_rad in (-0.1, 0.0)
+    )
+    assert down == pytest.approx(flat)
+
+
+def test_the_least_of_a_broad_guess_is_a_tenth_of_its_mean():
+    broad = certain()
+    broad.cov[6, 6] = 40.0**2  # N^2, of a force of 20 N
+    left = range_left(broad, [LEG], battery(), BatteryState(0.5)).distance_m
+    assert left.p90 == pytest.approx(10.0 * left.p50, rel=0.01)
+
+
+@pytest.mark.parametrize(("measured_J", "is_credible"), [(-4000.0, False), (0.0, False), (1000.0, True)])
+def test_driving_that_seems_to_cost_nothing_is_not_credible(measured_J, is_credible):
+    c = start(PRIOR)
+    for _ in range(20):
+        c = learn(c, LEG, measured_J)
+    believed = credible(c, [LEG])
+    assert (believed is c) == is_credible
+    assert range_left(believed, [LEG], battery(), BatteryState(0.5)).distance_m.p50 < 432e3 / 5.0
 
 
 def test_more_doubt_is_a_wider_range_and_less_charge_a_shorter_one():

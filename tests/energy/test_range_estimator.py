@@ -87,10 +87,10 @@ def test_the_ground_ahead_is_also_what_the_robot_is_used_to():
         c = learn(c, stretch_of(Leg(50.0, "grass", 0.5)), 3000.0)
         c = learn(c, stretch_of(Leg(50.0, "asphalt", 0.5)), 1000.0)
     late = [stretch_of(Leg(50.0, "asphalt", 0.5))] * 36
-    ahead = [*late, *usual_ground(c, late)]
+    ahead = [*late, *usual_ground(c)]
     lengths = {name: sum(s.distance_m for s in ahead if s.terrain == name) for name in ("grass", "asphalt")}
     assert lengths["grass"] == pytest.approx(sum(lengths.values()) / 6)  # half of the half hour beside the last hour
-    assert usual_ground(NEW, late) == []  # nothing was driven before
+    assert usual_ground(NEW) == []  # nothing was driven before
 
 
 def test_the_recent_ground_is_that_of_an_hour_however_often_the_robot_stops():
@@ -432,6 +432,24 @@ def test_a_robot_that_has_stood_for_an_hour_says_that_the_way_is_assumed():
         assumed.append(bool(now.assumed))
     assert assumed[0] and assumed[-1] and not any(assumed[10:370])
     assert RangeFlag.STOOD in now.flags
+
+
+def test_a_current_of_the_wrong_sign_promises_no_endless_range():
+    wrong, before = new(terrain="grass"), new(terrain="grass").update(0.0, 0.8, 0.0, -1.0, V)
+    for t in np.arange(0.0, 1300.0, 1.0):
+        now = wrong.update(t, 0.8, 0.5, 1.0, V)
+    assert now.flags == RangeFlag.NO_COST and now.assumed
+    assert now.distance_m.p50 == pytest.approx(before.distance_m.p50, rel=0.05)
+
+
+def test_work_at_standstill_is_expected_ahead_and_changes_no_peaks_under_way():
+    estimator, ratios = new(terrain="grass"), []
+    for t in np.arange(0.0, 3000.0, 1.0):
+        is_working = 1200.0 < t < 1800.0
+        now = estimator.update(t, 0.8, 0.0 if is_working else 0.5, -(200.0 if is_working else 30.0) / V, V)
+        ratios.append(estimator.state.peak_ratio.expected[0])
+    assert ratios[-1] == pytest.approx(ratios[1200], abs=0.2)
+    assert now.energy_J_per_m.p50 > 2.0 * 30.0 / 0.5  # 600 s of 200 W beside 2400 s of 30 W
 
 
 def test_peaks_meet_the_resistance_that_the_loads_have_shown():

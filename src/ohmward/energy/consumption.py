@@ -13,7 +13,8 @@ the resistance takes it up; beyond that the robot brakes, and recovers the share
 wet grass; each drive has its own, from N(0, tau^2 / 2). This separates differences between drives from uncertainty
 about the robot: a mission under way learns its own day effects, and the next day is uncertain by the usual variation
 between days. The scatter e comes from uneven ground: sigma^2 [m] is its correlation length times the square of its
-relative standard deviation, and long stretches average it out; standing updates the idle power only.
+relative standard deviation, and long stretches average it out; standing updates the idle power only, and not where it
+takes more than driving: that is work of a tool.
 
 Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
 variances this is Bayesian regression, exact where the wheels never brake and the windings do not heat. The variances
@@ -55,6 +56,8 @@ _LEAST_M = 0.01
 #: NIS above which the filter iterates, with half steps, and the largest number of iterations. On ground as expected,
 #: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
+#: Standard deviations by which the idle power must exceed the power under way to be refuted by it.
+_SURELY = 3.0
 #: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
 _LEAST_NARROWED = 0.02
 
@@ -182,10 +185,13 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
+    if standing_work_J(c, stretch, energy_J):
+        return c
     weight = scatter_weight(c, stretch)
     teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= SHORTEST_M)
     if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
+    c = _without_refuted_idle(c, stretch, energy_J)
     R = c.scatter.value * weight
     belief, innovation = _corrected(c, stretch, energy_J, R)
     c = replace(c, mean=belief.mean, cov=belief.cov)
@@ -245,6 +251,13 @@ def with_terrain(c: Consumption, name: str) -> Consumption:
         reference_N=(*c.reference_N, force_N),
         visits=(*c.visits, Visits()),
     )
+
+
+def with_ground(c: Consumption, stretches: Sequence[Stretch]) -> Consumption:
+    """The belief with the terrains of these stretches."""
+    for stretch in stretches:
+        c = with_terrain(c, stretch.terrain) if stretch.terrain else c
+    return c
 
 
 def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
@@ -340,6 +353,34 @@ def energy_of_slope_J(c: Consumption, stretch: Stretch, x: np.ndarray) -> float:
 def moving_time_s(stretch: Stretch) -> float:
     """Time [s] under way, without the stops."""
     return stretch.time_s - stretch.standing_s
+
+
+def standing_work_J(c: Consumption, stretch: Stretch, energy_J: float) -> float:
+    """Energy [J] of work at standstill, a tool's or an arm's, beside the idle power; 0 where there may be none.
+
+    The idle power is part of the power under way: a stand that takes more than that on average is work.
+    """
+    if stretch.terrain or energy_J <= _under_way_W(c.visits) * stretch.time_s:
+        return 0.0
+    return energy_J - float(c.mean[IDLE]) * stretch.time_s
+
+
+def _without_refuted_idle(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
+    """The idle power of before the first drive, where work at standstill was taken for it: the drives take less."""
+    now = Visits(1, stretch.distance_m, stretch.time_s, energy_J)
+    surely_W = float(c.mean[IDLE] - _SURELY * np.sqrt(c.cov[IDLE, IDLE]))
+    if not stretch.terrain or surely_W <= _under_way_W((*c.visits, now)):
+        return c
+    mean, cov = c.mean.copy(), c.cov.copy()
+    cov[IDLE, :] = cov[:, IDLE] = 0.0
+    mean[IDLE], cov[IDLE, IDLE] = c.prior.idle_W, c.prior.idle_std_W**2
+    return replace(c, mean=mean, cov=cov)
+
+
+def _under_way_W(visits: Sequence[Visits]) -> float:
+    """Mean power of all drives [W]; infinite before the first."""
+    time_s = sum(v.time_s for v in visits)
+    return sum(v.energy_J for v in visits) / time_s if time_s > 0.0 else np.inf
 
 
 def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> tuple[Belief, Innovation]:

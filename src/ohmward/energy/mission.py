@@ -24,11 +24,11 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
-from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
+from ohmward.energy.consumption import Consumption, begin_drive, learn, standing_work_J, with_terrain
 from ohmward.energy.discharge_end import end_along
 from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.leg import Leg, Stretch, stretch_of
-from ohmward.energy.range import MissionForecast, Range, get_home, range_left
+from ohmward.energy.range import MissionForecast, Range, credible, get_home, range_along, range_left
 from ohmward.energy.range_estimator import soc_now
 from ohmward.energy.range_step import RangeSettings, SocNow, battery_state
 from ohmward.energy.sag import NO_SAG, sag_along
@@ -138,7 +138,7 @@ class MissionResult(NamedTuple):
     plan: Plan | None  #: the mission ahead, if there is one
     consumption: Consumption  #: updated from the log
     state: BatteryState  #: of the battery at the end of the log, or as given
-    range: Range  #: over ground like the plan's, else the log's
+    range: Range  #: along the plan and over ground like it, else over ground like the log's
     forecast: MissionForecast | None  #: of the plan
     advice: dict[str, SpeedAdvice]  #: speed of least energy per metre, by terrain
     notes: tuple[Note, ...]  #: everything that was assumed
@@ -178,19 +178,27 @@ def analyse(
         record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
+    ahead = stretches_ahead(plan, record, consumption)
+    known = credible(consumption, ahead)
+    if known is not consumption:
+        text = (
+            "the drive seems to take next to nothing: the forecast is that before the first drive; is the sign of the "
+            "current right, and was every descent measured?"
+        )
+        guessed.append(Note(text, "warning"))
     if log is not None and estimates is not None:
         end = end_along(log, estimates.soc, estimates.soc_std, cutoff_of(settings, plan))
         consumption = replace(consumption, end=end or consumption.end)
     state, assumed = battery_at_end(battery, settings, plan, log, estimates)
-    ahead = stretches_ahead(plan, record)
+    left = range_along(known, ahead, ahead, battery, state) if plan else range_left(known, ahead, battery, state, False)
     return MissionResult(
         battery,
         record,
         plan,
         consumption,
         state,
-        range_left(consumption, ahead, battery, state),
-        get_home(consumption, plan.legs, battery, state, settings.confidence) if plan else None,
+        left,
+        get_home(known, plan.legs, battery, state, settings.confidence) if plan else None,
         advice_for(consumption, ahead),
         (*notes, *(record.notes if record else ()), *guessed, *assumed),
     )
@@ -242,11 +250,12 @@ def cutoff_of(settings: MissionSettings, plan: Plan | None) -> float:
     return plan.cutoff_V if plan else 0.0
 
 
-def stretches_ahead(plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:
-    """Stretches of the plan's legs, else those of the drive."""
+def stretches_ahead(plan: Plan | None, record: DriveRecord | None, c: Consumption) -> list[Stretch]:
+    """Stretches of the plan's legs, else those of the drive with its work at standstill."""
     if plan:
         return [stretch_of(leg) for leg in plan.legs]
-    return [driven.stretch for driven in record.driven] if record else []
+    driven = record.driven if record else []
+    return [d.stretch._replace(task_J=standing_work_J(c, d.stretch, d.energy_J)) for d in driven]
 
 
 def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvice]:

@@ -27,6 +27,8 @@ from ohmward.energy.consumption import (
     design_row,
     energy_demand,
     energy_demands,
+    start,
+    with_ground,
 )
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.peaks import PeakRatio, peaks_of_way
@@ -40,13 +42,16 @@ DIMENSIONS = BATTERY_DIMENSIONS + 3
 BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, BATTERY_DIMENSIONS), *range(BATTERY_DIMENSIONS, DIMENSIONS)
 #: Smallest energy [J] and distance [m] used as a divisor.
 _LEAST_J = _LEAST_M = 1e-9
+#: Level ground takes more than this share of what was expected before the first drive, or the power was not measured.
+_CREDIBLE_SHARE = 0.03
+#: Least energy per metre of level ground, relative to the mean.
+_LEAST_SHARE = 0.1
 
 
 class Range(NamedTuple):
     """Distance, time and energy that are left."""
 
-    #: until the reserve; infinite where the ground gives more than it takes
-    distance_m: Quantiles
+    distance_m: Quantiles  #: until the reserve
     time_s: Quantiles
     usable_J: Quantiles  #: energy above the reserve
     energy_J_per_m: Quantiles  #: consumption on the way ahead
@@ -56,7 +61,7 @@ class Range(NamedTuple):
 def range_left(
     c: Consumption, ahead: Sequence[Stretch], battery: Battery, state: BatteryState, is_known: bool = True
 ) -> Range:
-    """Distance and time left over ground like `ahead`, which may be of any length above zero.
+    """Distance and time left over ground like `ahead`, of any length above zero, without its mean slope.
 
     is_known: True where `ahead` is the ground ahead itself; False where these are recent stretches, and the ground
         ahead is another sample of the same kind.
@@ -66,12 +71,13 @@ def range_left(
     """
     length_m, time_s = total_distance_m(ahead), total_time_s(ahead)
     if not length_m > 0:
-        raise InputError("the way ahead has no distance; give stretches that are driven, or ask for `time_left`")
+        raise InputError("the way ahead has no distance; give stretches that are driven")
+    ahead = level(ahead)
     whole = way_demand(c, ahead, is_known)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
     usable = usable_at(battery, with_peaks(state, c, ahead), power_W, z[BATTERY])
-    per_m = certain_part(whole, z) / length_m
+    per_m = spent_J(whole, z) / length_m
     scatter = scattered_part(whole, z) / np.sqrt(length_m)
     distance = distances(per_m, scatter, usable)
     return Range(
@@ -95,7 +101,7 @@ def range_along(
     state: BatteryState,
     ratio: PeakRatio = PeakRatio(),  # noqa: B008, a tuple
 ) -> Range:
-    """Distance and time left along a plan, and beyond its end over unknown ground like `then`.
+    """Distance and time left along a plan, and beyond its end over unknown ground like `then` without its mean slope.
 
     Each sample point ends where the energy that it needs first exceeds what its battery gives.
 
@@ -104,7 +110,8 @@ def range_along(
     Raises:
         InputError: no distance in `then`, or a terrain that is not known.
     """
-    z, way = normal_points(DIMENSIONS), planned_way(c, plan, then, battery, state)
+    z, then = normal_points(DIMENSIONS), level(then)
+    way = planned_way(c, plan, then, battery, state)
     length_m, time_s = (np.cumsum(column) for column in zip(*((s.distance_m, s.time_s) for s in way), strict=True))
     unknown_J = ground_std(c, then) * np.maximum(length_m - total_distance_m(plan), 0.0)
     demand = energy_demands(c, way)
@@ -117,7 +124,8 @@ def range_along(
     distance, seconds = (
         np.interp(place, np.arange(len(looked_at) + 1), [0.0, *values[looked_at]]) for values in (length_m, time_s)
     )
-    beyond = np.maximum(usable / np.maximum(needed[-1], _LEAST_J), 1.0)  # where the battery gives more than that
+    least_J = max(_LEAST_SHARE * float(demand.mean_J[-1]), _LEAST_J)
+    beyond = np.maximum(usable / np.maximum(needed[-1], least_J), 1.0)  # where the battery gives more than that
     return Range(
         quantiles(distance * beyond),
         quantiles(seconds * beyond),
@@ -125,6 +133,25 @@ def range_along(
         quantiles(needed[-1] / max(float(length_m[-1]), _LEAST_M)),
         power_W,
     )
+
+
+def level(ground: Sequence[Stretch]) -> list[Stretch]:
+    """The stretches without their mean slope: no ground climbs or descends for ever."""
+    slope = sum(s.climb_m - s.descent_m for s in ground) / max(total_distance_m(ground), _LEAST_M)
+    down, up = max(slope, 0.0), max(-slope, 0.0)
+    return [
+        s._replace(climb_m=s.climb_m + up * s.distance_m, descent_m=s.descent_m + down * s.distance_m) for s in ground
+    ]
+
+
+def credible(c: Consumption, ground: Sequence[Stretch]) -> Consumption:
+    """The belief; that of before the first drive where such ground, made level, would take next to nothing.
+
+    A current with the wrong sign, one that is always zero, or a descent that was not measured teaches that.
+    """
+    fresh = replace(with_ground(start(c.prior), ground), end=c.end)
+    mean_J, expected_J = (sum(float(design_row(b, s) @ b.mean) for s in level(ground)) for b in (c, fresh))
+    return c if mean_J > _CREDIBLE_SHARE * expected_J else fresh
 
 
 def planned_way(
@@ -208,8 +235,12 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
     z = normal_points(DIMENSIONS)
     standing = energy_demand(c, [Stretch("", 1.0)])
     usable = usable_at(battery, replace(state, end=c.end), standing.mean_J, z[BATTERY])
-    power_W = certain_part(standing, z)
-    return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
+    return quantiles(usable / np.maximum(spent_J(standing, z), _LEAST_J))
+
+
+def spent_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
+    """(N,) energy [J] of level ground or standing at the points, without the scatter; at least a tenth of the mean."""
+    return np.maximum(certain_part(n, z), _LEAST_SHARE * n.mean_J)
 
 
 def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,16 +18,27 @@ from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.soc.clean_sample import sample_limits
 from ohmward.checks import require_between, require_each_not_negative, require_positive
-from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
+from ohmward.energy.consumption import Consumption, learn, moving_time_s, standing_work_J, with_ground, with_terrain
 from ohmward.energy.cut_drive import DriveMeter, DriveSample, advance
 from ohmward.energy.discharge_end import DischargeMeter
-from ohmward.energy.leg import STRETCH_S, Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
+from ohmward.energy.leg import (
+    STRETCH_S,
+    Leg,
+    Stretch,
+    joined,
+    part_of,
+    stretch_of,
+    total_distance_m,
+    total_time_s,
+    way_back,
+)
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import (
     BATTERY,
     DIMENSIONS,
     MissionForecast,
+    credible,
     forecast_of,
     needed_J,
     range_along,
@@ -77,6 +89,7 @@ class RangeFlag(SampleFlag):
     BAD_TIME = 8  # no number, or late: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
     STOOD = 32  # hardly driven in the last hour: the way ahead is assumed as before the first drive
+    NO_COST = 64  # driving seems to take next to nothing (sign of the current?): assumed as before the first drive
 
 
 class SocNow(NamedTuple):
@@ -123,7 +136,8 @@ class RangeEstimate(NamedTuple):
     @property
     def assumed(self) -> Any:
         """True while too little was driven to predict the way ahead: it is assumed flat, at a usual speed."""
-        return (self.driven_m < LEAST_DRIVEN_M) | (np.asarray(self.flags, dtype=int) & RangeFlag.STOOD > 0)
+        flags = np.asarray(self.flags, dtype=int)
+        return (self.driven_m < LEAST_DRIVEN_M) | (flags & (RangeFlag.STOOD | RangeFlag.NO_COST) > 0)
 
 
 class RangeState(NamedTuple):
@@ -177,7 +191,7 @@ class RangeSettings:
     def init(self, consumption: Consumption) -> RangeState:
         """State before the first sample; consumption: at the start of the drive."""
         known = with_terrain(consumption, self.terrain)
-        nothing = RangeEstimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, math.nan, 0.0, RangeFlag.NO_SOC)
+        nothing = RangeEstimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, math.nan, 0.0, RangeFlag(0))
         return RangeState(known, DriveMeter(), (), 0.0, SocNow(), nothing, -math.inf)
 
     def step(self, state: RangeState, sample: RangeSample) -> tuple[RangeState, RangeEstimate]:
@@ -203,23 +217,27 @@ class RangeSettings:
         driven_m = state.finished_m + moving_m
         if total_distance_m(state.recent) + moving_m < LEAST_DRIVEN_M <= driven_m:
             flags |= RangeFlag.STOOD
-        return state, state.forecast._replace(driven_m=driven_m, flags=flags)
+        return state, state.forecast._replace(driven_m=driven_m, flags=flags | state.forecast.flags)
 
     def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
         """The state after a sample of the drive; each finished stretch updates the consumption."""
         meter, finished = advance(state.meter, sample.drive)
         since_s = sample.drive.time_s - state.meter.last.time_s if state.meter.last else math.nan
         discharge = state.discharge.with_sample(since_s, sample.current_A, sample.voltage_V)
-        peak_W = max(state.peak_W, discharge.held_W)
+        rises = discharge.held_W >= state.discharge.held_W  # what falls may be left of work at standstill
+        peak_W = max(state.peak_W, discharge.held_W) if rises else state.peak_W
         consumption, recent, finished_m, ratio = state.consumption, state.recent, state.finished_m, state.peak_ratio
         if end := discharge.end(self.cutoff_V, _known(state.soc.temperature_degC, BatteryState.temperature_degC)):
             consumption = replace(consumption, end=end)
         for part in finished:
-            stretch = part.stretch._replace(payload_kg=self.payload_kg)
+            work_J = standing_work_J(consumption, part.stretch, part.energy_J)
+            stretch = part.stretch._replace(payload_kg=self.payload_kg, task_J=work_J)
             consumption = learn(consumption, stretch, part.energy_J)
             recent = last_stretches((*recent, stretch), RECENT_S)
             finished_m += stretch.distance_m
-            if moving_time_s(stretch) >= PEAKED_S:
+            if not stretch.terrain:
+                peak_W = 0.0
+            elif moving_time_s(stretch) >= PEAKED_S:
                 ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), discharge.held_W
         return state._replace(
             consumption=consumption,
@@ -239,9 +257,13 @@ class RangeSettings:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
         battery_now = self.battery_now(state, self.reserve_soc)
-        ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
+        ahead, plan, flags = self.ahead(state), tuple(map(stretch_of, sample.plan)), RangeFlag(0)
         home_m = self.way_home(tuple(map(way_back, self.ahead(state, stays=False))), sample.home)
-        known = with_ground(state.consumption, (*ahead, *plan, *home_m))
+        learned = with_ground(state.consumption, ahead)
+        known = credible(learned, ahead)
+        if known is not learned:
+            ahead, flags = self.first_ground(), RangeFlag.NO_COST
+        known = with_ground(known, (*ahead, *plan, *home_m))
         driven_s = _known(sample.drive.time_s - state.began_s, math.inf)
         of_home = replace(
             battery_now,
@@ -255,9 +277,7 @@ class RangeSettings:
             left = range_left(known, ahead, self.battery, of_ahead, is_known=False)
         is_planned = isinstance(sample.home, Sequence)
         probability = reach_probability(known, home_m, self.battery, of_home, is_planned) if home_m else math.nan
-        return RangeEstimate(
-            left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, RangeFlag(0)
-        )
+        return RangeEstimate(left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, flags)
 
     def battery_now(self, state: RangeState, reserve_soc: float) -> BatteryState:
         """The battery for a forecast that leaves this reserve."""
@@ -286,9 +306,10 @@ class RangeSettings:
         """
         if not math.isfinite(state.soc.soc):
             raise InputError("the charge is not known: wait for current and voltage of the battery")
-        ground = [*self.way_home(self.ahead(state), way)]
+        ahead = self.ahead(state)
+        ground = [*self.way_home(ahead, way)]
         ground[-1:] = [last._replace(task_J=last.task_J + task_J) for last in ground[-1:]]
-        known = with_ground(state.consumption, ground)
+        known = with_ground(credible(with_ground(state.consumption, ahead), ahead), ground)
         reserve = self.reserve_soc if reserve_soc is None else reserve_soc
         battery_now = replace(self.battery_now(state, reserve), peaks=peaks_of_way(known, ground, state.peak_ratio))
         return forecast_of(known, ground, self.battery, battery_now, is_known=isinstance(way, Sequence))
@@ -302,10 +323,14 @@ class RangeSettings:
         recent += [state.meter.moving.stretch] if state.meter.moving else []
         if total_distance_m(recent) >= LEAST_DRIVEN_M:
             driven = [s for s in recent if s.terrain]
-            standing_s = total_time_s(recent) - total_time_s(driven)
-            usual = usual_ground(state.consumption, driven)
-            standing_s *= 1.0 + total_distance_m(usual) / total_distance_m(driven)
-            return (*driven, *usual, Stretch("", standing_s))
+            usual = usual_ground(state.consumption)
+            stops = reduce(joined, (s for s in recent if not s.terrain), Stretch("", 0.0))
+            stops = part_of(stops, 1.0 + total_distance_m(usual) / total_distance_m(driven))
+            return (*driven, *usual, stops)
+        return self.first_ground()
+
+    def first_ground(self) -> tuple[Stretch, ...]:
+        """The way ahead before the first drive."""
         return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
 
     def way_home(self, ahead: Sequence[Stretch], home: WayHome) -> tuple[Stretch, ...]:
@@ -316,13 +341,6 @@ class RangeSettings:
             return tuple(map(stretch_of, home))
         share = max(home, 0.0) / total_distance_m(ahead)
         return tuple(part_of(stretch, share) for stretch in ahead)
-
-
-def with_ground(c: Consumption, stretches: Sequence[Stretch]) -> Consumption:
-    """The belief with the terrains of these stretches."""
-    for stretch in stretches:
-        c = with_terrain(c, stretch.terrain) if stretch.terrain else c
-    return c
 
 
 def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **limits: Any) -> BatteryState:
@@ -367,8 +385,8 @@ def last_stretches(stretches: tuple[Stretch, ...], time_s: float) -> tuple[Stret
     return stretches[first:]
 
 
-def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
-    """Usual ground of the robot, for as long as it counts beside the recent one; climbs are those of `driven`.
+def usual_ground(c: Consumption) -> list[Stretch]:
+    """Usual ground of the robot, for as long as it counts beside the recent one.
 
     The ground ahead is like the recent one, and like everything ever driven: the conditions of the last hour will not
     last for ever.
@@ -376,17 +394,9 @@ def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
     usual_s = sum(v.time_s for v in c.visits)
     if not usual_s > 0.0:
         return []
-    climbing = sum(s.climb_m for s in driven) / total_distance_m(driven)
     share = USUAL_GROUND_S / usual_s
     return [
-        Stretch(
-            name,
-            share * v.time_s,
-            share * v.distance_m,
-            share * v.distance_m**2 / v.time_s,
-            share * v.distance_m * climbing,
-            share * v.distance_m * climbing,
-        )
+        Stretch(name, share * v.time_s, share * v.distance_m, share * v.distance_m**2 / v.time_s)
         for name, v in zip(c.terrains, c.visits, strict=True)
         if v.distance_m > 0.0 and v.time_s > 0.0
     ]
