@@ -51,6 +51,13 @@ def test_the_ground_may_change_on_the_way():
     assert list(result.advice) == ["grass", "gravel"]
 
 
+def test_the_case_of_letters_makes_no_other_ground():
+    known = analyse(battery(), start(PRIOR), LOG, ground="Grass", settings=SOC).consumption
+    ground = np.array(["grass ", "GRASS", "gravel"])[np.arange(TIME_S.size) // 300 % 3]
+    result = analyse(battery(), known, LOG, ground=ground, plan=PLAN, settings=SOC)
+    assert result.consumption.terrains == ("Grass", "gravel")
+
+
 def test_days_between_drives_count():
     first = analyse(battery(), start(PRIOR), LOG, ground="grass", settings=SOC)
     assert first.consumption.last_drive_unix_s == pytest.approx(1e9 + TIME_S[-1])

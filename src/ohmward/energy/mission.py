@@ -170,6 +170,9 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
+    spelling = _Spelling(before.terrains)
+    ground = spelling(ground) if isinstance(ground, str) else [spelling(name) for name in ground]
+    plan = replace(plan, leg=tuple(replace(leg, terrain=spelling(leg.terrain)) for leg in plan.leg)) if plan else None
     log = None if log is None else with_contradictions(check_log(log, battery), battery)
     estimates = _estimates(battery, log, settings)
     record = None
@@ -202,6 +205,20 @@ def analyse(
         advice_for(consumption, ahead),
         (*notes, *(record.notes if record else ()), *guessed, *assumed),
     )
+
+
+class _Spelling:
+    """One name for each ground: `Grass` and ` grass ` are spelled as the first of them was."""
+
+    def __init__(self, known: Sequence[str]):
+        self._first = {_folded(name): name for name in known}
+
+    def __call__(self, name: str) -> str:
+        return self._first.setdefault(_folded(name), name)
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.split()).casefold()
 
 
 def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consumption, list[Note]]:

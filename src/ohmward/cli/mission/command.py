@@ -42,7 +42,7 @@ from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_na
 TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
 #: Largest number of grounds that are drawn.
 _MOST_TERRAINS = 6
-#: Column with the name of the ground under each sample.
+#: Column with the name of the ground under each sample, in any case.
 TERRAIN_COLUMN = "terrain"
 
 Ground = str | np.ndarray
@@ -131,11 +131,11 @@ class MissionReader(NamedTuple):
         file = open_table(split_selection(self.text)[0], self.reading.hints).read_once()
         log = read_battery_log(self.text, of_kinds(self.reading, of_battery=True), file=file, battery=self.battery)
         drive_of_log = self.read_wheels(file, log)
-        if TERRAIN_COLUMN not in file.names:
+        if not (column := next((name for name in file.names if name.strip().lower() == TERRAIN_COLUMN), "")):
             return log.with_notes(Note(f"the whole drive on {self.ground!r}")), drive_of_log, self.ground
-        ground = self.read_ground(file, log)
+        ground = self.read_ground(file, log, column)
         names = ", ".join(sorted(set(ground)))
-        return log.with_notes(Note(f"ground from column {TERRAIN_COLUMN!r}: {names}")), drive_of_log, ground
+        return log.with_notes(Note(f"ground from column {column!r}: {names}")), drive_of_log, ground
 
     def read_wheels(self, file: TableFile, log: Log) -> DriveLog | None:
         """Wheels and motors in the same file; None without a robot, or if the file has a speed instead."""
@@ -149,19 +149,19 @@ class MissionReader(NamedTuple):
                 return None
             raise
 
-    def read_ground(self, file: TableFile, log: Log) -> np.ndarray:
+    def read_ground(self, file: TableFile, log: Log, column: str) -> np.ndarray:
         """(T,) name of the ground under each sample, from a column of the file."""
         battery = of_kinds(self.reading, of_battery=True)
         time = find_columns(file.source, file.names, dict(battery.columns), dict(battery.units))["time"]
         rows = dict(battery.where) | split_selection(self.text)[1]
         date = date_column(file, time.name)
         fraction = fraction_column(file.names, time.name)
-        wanted = {time.name, TERRAIN_COLUMN, *rows, date or "", fraction[0] if fraction else ""}
+        wanted = {time.name, column, *rows, date or "", fraction[0] if fraction else ""}
         chosen = select_rows(file.load(wanted & set(file.names)), rows)
         clock = read_clock(chosen, time, file.hints, date)
         time_s = clock.time_s if clock.start_unix_s is None else clock.time_s - np.nanmin(clock.time_s)
         order = np.argsort(time_s, kind="stable")
-        cells = [str(cell).strip() for cell in chosen.columns[TERRAIN_COLUMN]]
+        cells = [str(cell).strip() for cell in chosen.columns[column]]
         named = [self.ground if cell.lower() in ("", "nan", "none") else cell for cell in cells]
         names = np.array(named, dtype=object)[order]
         return names[np.maximum(np.searchsorted(time_s[order], log.time_s, side="right") - 1, 0)]
