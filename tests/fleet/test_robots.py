@@ -31,6 +31,7 @@ NAMES = ("amr-1_2026-01-05.csv", "amr-1_2026-01-06.csv", "amr-2_2026-01-05.csv")
         (NAMES, {"amr-1": 2, "amr-2": 1}),
         (("mower 3 run 12.csv", "mower 3 run 13.csv", "mower 4 run 1.csv"), {"mower 3": 2, "mower 4": 1}),
         (("rover_20260105T080000.csv", "rover_20260106T080000.csv"), {"rover": 2}),
+        (("amr-1_1.csv", "amr-1_1 (1).csv", "Copy of amr-1_2.csv", "amr-1_3 - Copy (2).csv"), {"amr-1": 4}),
         (("r2_1767600000.csv", "r2_1767700000.csv", "r1_1767600000.csv"), {"r1": 1, "r2": 2}),
     ],
 )

@@ -27,6 +27,9 @@ _COLUMN = re.compile(r"^(?:robot|vehicle|device|machine|agv|amr|unit)(?:[ _]?(?:
 #: A name with a date, or a number after a separator, at its end: `amr-00_2026-01-01`, `mower 3 run 12`.
 _DATED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:\d{4}[-_.]?\d{2}[-_.]?\d{2}|\d{9,}).*$")
 _NUMBERED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:run|log|part|day|trip|bag)?[ _.-]*\d+$", re.IGNORECASE)
+#: Marks of a copy: `Copy of amr-1_1`, `amr-1_1 - Copy`, `amr-1_1 (2)`; the number is one of a log.
+_COPY = re.compile(r"^copy of +| - copy(?: *\(\d+\))?$|(?<=\d) *\(\d+\)$", re.IGNORECASE)
+_BRACKETED = re.compile(r" *\((\d+)\)$")
 
 
 class Robots(NamedTuple):
@@ -192,7 +195,7 @@ def _robot_column(names: tuple[str, ...]) -> str | None:
 
 def _in_name(text: str) -> str | None:
     """The name of a log before its date or its number; None without one."""
-    stem = _stem(text)
+    stem = _BRACKETED.sub(r"_\1", _COPY.sub("", _stem(text)))
     found = _DATED.match(stem) or _NUMBERED.match(stem)
     return found["robot"] if found else None
 
