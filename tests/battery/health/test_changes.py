@@ -15,6 +15,7 @@ CHANGES = {
     "counter": (-0.1, 0.1, True),
     "battery": (-0.1, 0.3, True),
     "not full": (-0.1, 0.0, False),
+    "exchange": (0.15, -0.4, True),
     "unknown": (0.1, 0.0, True),
 }
 

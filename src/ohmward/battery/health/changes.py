@@ -6,6 +6,7 @@ A battery loses capacity within months. Where it seems to fall (or to grow) betw
     cold                the logs after it were colder, and the resistance of the file may not grow enough
     broken-off charges  no log after it shows the battery full
     the battery         damage, a bad contact, or another battery
+    an exchange         the capacity grew while the resistance fell, by more than a counter explains
 
 or is unknown. The step has a normal distribution of its own on top of the trend; its evidence decides.
 """
@@ -34,7 +35,7 @@ _COLDER_K = 8.0
 #: Standard deviations from the trend at which a single log is worth a remark.
 OUTLYING_LOG = 3.0
 
-Cause = Literal["counter", "cold", "not full", "battery", "unknown"]
+Cause = Literal["counter", "cold", "not full", "battery", "exchange", "unknown"]
 
 
 class SuddenChange(NamedTuple):
@@ -52,7 +53,7 @@ class SuddenChange(NamedTuple):
     @property
     def is_of_battery(self) -> bool:
         """True where the battery itself may have changed."""
-        return self.cause in ("battery", "unknown")
+        return self.cause in ("battery", "exchange", "unknown")
 
 
 class Outlier(NamedTuple):
@@ -131,7 +132,9 @@ def _cause(capacity: Normal, resistance: Normal, points: Sequence[HealthPoint], 
         return "counter"
     if any(p.full for p in before) and not any(p.full for p in after):
         return "not full"
-    return "battery" if capacity.mean < 0.0 and resistance.mean > _AGREE * resistance.std else "unknown"
+    if capacity.mean * resistance.mean > 0.0 or abs(resistance.mean) <= _AGREE * resistance.std:
+        return "unknown"
+    return "battery" if capacity.mean < 0.0 else "exchange"
 
 
 def _cause_of_one(points: Sequence[HealthPoint], at: int) -> Cause:

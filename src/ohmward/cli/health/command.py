@@ -40,11 +40,12 @@ WITHIN = {
 #: Likely cause of a sudden change, in words, and its meaning for the trend.
 CAUSES: Mapping[Cause, str] = {
     "counter": "the current reads differently from here on: the resistance changed by as much the other way; "
-    "this is a counter, no ageing",
+    "this is a counter, no ageing; or another battery, where the capacity grew",
     "cold": "these logs are much colder; they show cold, not ageing",
     "not full": "no full charge shows the capacity here: charges that were broken off look the same; not counted as "
     "ageing",
     "battery": "the resistance rose with it, faster than any ageing: damage, a bad contact, or another battery",
+    "exchange": "the resistance fell with it, as no ageing does: another battery; its health is relative to the first",
     "unknown": "the logs do not show whether it is the battery, its counter or how it was used",
 }
 LOGS = ["log", "begins", "cycles", "mean °C", "capacity", "resistance", "remark"]
