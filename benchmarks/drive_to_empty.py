@@ -6,7 +6,8 @@ of 1 % of C and a gain off by 1 %. Once a minute the range is asked of what runs
 `RangeEstimator`, and compared with the metre at which the robot stopped. Where the probability of coming home falls
 below a promise, the same day is driven again, with the way back from there.
 
-Drives are kept in build/drive_to_empty and not made again; `--drives 96` makes as many of them.
+Drives are kept in build/drive_to_empty and not made again; `--drives 96` makes as many of them. `--split` makes drives
+without the ways home, and writes anew only the section that takes the error of the range apart.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from __future__ import annotations
 import argparse
 import pickle
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import lru_cache, reduce
+from functools import lru_cache, partial, reduce
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -29,7 +30,6 @@ from figure import HERE, Figure, at_most, between, table
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy import Consumption, Leg, begin_drive, prior_from_robot, start, with_terrain
 from ohmward.energy.discharge_end import DischargeEnd, end_along
-from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.logs import Log
 from ohmward.traction import RLMA
@@ -58,13 +58,18 @@ its battery was empty. The robots of seeds 0 to 4 were looked at while the estim
 seeds from 5 on, chose a setting.
 
 Once a minute the range is asked, and compared with the metre at which the robot stopped: over ground that is not known,
-and with the course known. To show where the errors come from, it is also asked with the true charge and capacity in
-place of their estimates; what is left with the course known too is the power that the battery gives near its end.
+and with the course known.
 *At best over unknown ground*: the median distance over 64 courses of the same kind, by one who knows the robot, the
 day and the energy that the battery will give, but not the course.
 *Home*: where the probability of coming home on the known way back, linear between the minutes, first falls below the
 promise, the robot turns; a missed return is one that stops on the way. Given up: distance of that turn short of half of
 the whole range.
+"""
+#: Title of the section that takes the error apart, and its introduction.
+SPLIT = "## Where the error of P50 comes from"
+OF_SPLIT = """\
+Written by `python benchmarks/drive_to_empty.py --split`. A distance is the energy left over the energy per metre; here
+each is the estimate's median or the truth. With both true the error is zero. From half charge on, of {count} drives.
 """
 REFRESH_S, REST_S, HOURS = 60.0, 300.0, 6.0
 PROMISES = (0.95, 0.99)
@@ -101,11 +106,10 @@ WAYS = {
     Known(course=True): ", course known",
     Known(end=True): ", after a day to the cut-off",
     Known(course=True, end=True): ", course known, after a day to the cut-off",
-    Known(charge=True): ", charge and capacity known",
-    Known(course=True, charge=True): ", course, charge and capacity known",
 }
-#: Those of every kind of drive; the others show where the errors of all of them come from.
+#: Those of every kind of drive; what takes the error of the range apart.
 JUDGED = (Known(), Known(course=True))
+OF_ERRORS = (*JUDGED, Known(charge=True))
 #: Those that decide when to turn for home.
 TURNING = (Known(), Known(end=True))
 
@@ -114,9 +118,10 @@ class Question(NamedTuple):
     """The range as it was asked at an instant."""
 
     soc: float  #: true
-    answers: dict[Known, Quantiles]
+    answers: dict[Known, RangeEstimate]
     by_counting: float  #: distance left by counting charge and the mean consumption so far
     at_best: float  #: distance left by the energy that the battery will give, over ground of the same kind
+    left_J: float  #: energy that the battery will give
     truth: float  #: distance that was left
 
 
@@ -161,36 +166,40 @@ def battery_of(chemistry: str, is_tested: bool) -> ow.Battery:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drives", type=int, default=48)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--split", action="store_true", help="only the section that takes the error apart")
     args = parser.parse_args()
-    KEPT.mkdir(parents=True, exist_ok=True)
     todo = cases(args.drives)
-    with ProcessPoolExecutor(2) as pool:
-        for k, case in enumerate(pool.map(made, todo), 1):
+    (KEPT / "split").mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(args.processes) as pool:
+        for k, case in enumerate(pool.map(partial(made, is_split=args.split), todo), 1):
             print(f"{k} of {len(todo)}: {case}", file=sys.stderr)
-    drives = [pickle.loads(kept(case).read_bytes()) for case in todo]
-    PAGE.write_text(page(drives), encoding="utf-8")
+    drives = [pickle.loads(kept(case, args.split).read_bytes()) for case in todo]
+    text = PAGE.read_text(encoding="utf-8").partition(SPLIT)[0].rstrip() + "\n\n" if args.split else page(drives)
+    PAGE.write_text(text + split(drives), encoding="utf-8")
     return 0
 
 
 def cases(count: int) -> list[Case]:
     """So many drives, every kind as often as any other."""
     kinds = list(product(CELLS, TEMPERATURES_DEGC, (False, True), (True, False)))
-    return [Case(*kinds[k % len(kinds)], seed=FIRST_SEED + k // len(kinds)) for k in range(count)]
+    # in steps of 7, so that the first dozen has every temperature, and new and aged, as often
+    return [Case(*kinds[7 * k % len(kinds)], seed=FIRST_SEED + k // len(kinds)) for k in range(count)]
 
 
-def kept(case: Case) -> Any:
-    return KEPT / ("-".join(map(str, case)) + ".pickle")
+def kept(case: Case, is_split: bool) -> Any:
+    return KEPT / ("split" if is_split else "") / ("-".join(map(str, case)) + ".pickle")
 
 
-def made(case: Case) -> Case:
+def made(case: Case, is_split: bool) -> Case:
     """Make a drive, unless it was made before."""
-    if not kept(case).exists():
-        kept(case).write_bytes(pickle.dumps(driven(case)))
+    if not kept(case, is_split).exists():
+        kept(case, is_split).write_bytes(pickle.dumps(driven(case, is_split)))
     return case
 
 
-def driven(case: Case) -> Drive:
-    """Out until the battery is empty, and once more for each promise."""
+def driven(case: Case, is_split: bool) -> Drive:
+    """Out until the battery is empty, and, but for the split of the error, once more for each promise."""
     key = [case.seed, int(case.degC), *map(ord, case.chemistry), case.is_aged, case.is_tested]
     rng = np.random.default_rng(key)
     other_rng = np.random.default_rng([*key, 1])
@@ -202,8 +211,9 @@ def driven(case: Case) -> Drive:
         log, soc, stop = driven_log(case, out.power_W, rng, world)
     assert stop < len(out.power_W), "the battery outlasts the drive"
     run = ow.SocEstimator(battery_of(case.chemistry, case.is_tested)).run(log)
-    ended = replace(known, end=earlier_end(case, other_rng, world))
-    answers = {way: asked(case, log, run, soc, out, ended if way.end else known, course, way) for way in WAYS}
+    ended = known if is_split else replace(known, end=earlier_end(case, other_rng, world))
+    ways = OF_ERRORS if is_split else dict.fromkeys((*WAYS, *OF_ERRORS))
+    answers = {way: asked(case, log, run, soc, out, ended if way.end else known, course, way) for way in ways}
     estimates = answers[Known()]
     place_m = DT_S * np.cumsum(out.speed_m_s)
     reaches = [reach(other_rng, world, day) for _ in range(COURSES)]
@@ -211,16 +221,17 @@ def driven(case: Case) -> Drive:
     questions = tuple(
         Question(
             float(soc[k]),
-            {way: of_way[k].distance_m for way, of_way in answers.items()},
+            {way: of_way[k] for way, of_way in answers.items()},
             by_counting(k, place_m, log, case),
             float(np.median([np.interp(left_J[k], *course) for course in reaches])),
+            float(left_J[k]),
             float(place_m[stop] - place_m[k]),
         )
         for k in estimates
     )
     returns = {
         way: tuple(promised(p, case, rng, world, day, course, out, answers[way], place_m[stop]) for p in PROMISES)
-        for way in TURNING
+        for way in (() if is_split else TURNING)
     }
     return Drive(case, questions, returns, float(place_m[stop]))
 
@@ -427,24 +438,49 @@ def calibration(
 ) -> Iterator[Figure]:
     """Where the truth lay, each drive as much as any other."""
     asked_of = [d.questions for d in drives if d.questions]
-    late = [q for qs in asked_of for q in qs if q.soc <= 0.5 and q.truth > 50.0]
+    late = late_questions(drives)
     for way in ways:
         inside, below = (
-            100.0 * float(np.mean([np.mean([is_so(q.answers[way], q.truth) for q in qs]) for qs in asked_of]))
+            100.0
+            * float(np.mean([np.mean([is_so(q.answers[way].distance_m, q.truth) for q in qs]) for qs in asked_of]))
             for is_so in (lambda said, truth: said.p10 <= truth <= said.p90, lambda said, truth: truth < said.p10)
         )
-        if not way.charge:
-            yield between(name, "", f"truth within P10-P90{WAYS[way]} [%]", inside, bars)
-            yield Figure(name, "", f"truth below P10{WAYS[way]} [%]", f"{below:.0f}")
+        yield between(name, "", f"truth within P10-P90{WAYS[way]} [%]", inside, bars)
+        yield Figure(name, "", f"truth below P10{WAYS[way]} [%]", f"{below:.0f}")
         if late:
-            error = 100.0 * float(np.median([abs(q.answers[way].p50 / q.truth - 1.0) for q in late]))
-            judged = at_most(name, "", f"median error of P50{WAYS[way]}, from half charge on [%]", error, 6.0, ".1f")
-            yield judged._replace(bar="", met=None) if way.charge else judged
+            error = median_error(late, lambda q, way=way: q.answers[way].distance_m.p50)
+            yield at_most(name, "", f"median error of P50{WAYS[way]}, from half charge on [%]", error, 6.0, ".1f")
     if late:
-        best = 100.0 * float(np.median([abs(q.at_best / q.truth - 1.0) for q in late]))
+        best, counting = median_error(late, lambda q: q.at_best), median_error(late, lambda q: q.by_counting)
         yield Figure(name, "", "the same at best over unknown ground", f"{best:.1f}")
-        counting = 100.0 * float(np.median([abs(q.by_counting / q.truth - 1.0) for q in late]))
         yield Figure(name, "", "the same by counting and the mean consumption", f"{counting:.1f}")
+
+
+def late_questions(drives: Sequence[Drive]) -> list[Question]:
+    """Those from half charge on, until the robot has almost stopped."""
+    return [q for d in drives for q in d.questions if q.soc <= 0.5 and q.truth > 50.0]
+
+
+def median_error(questions: Sequence[Question], distance_m: Callable[[Question], float]) -> float:
+    """Median of the relative error [%] of a distance."""
+    return 100.0 * float(np.median([abs(distance_m(q) / q.truth - 1.0) for q in questions]))
+
+
+def split(drives: Sequence[Drive]) -> str:
+    """The section that takes the error of P50 apart: energy left and energy per metre, each estimated or true."""
+    asked, course, charge = OF_ERRORS
+    late = late_questions(drives)
+    rows: list[tuple[str, str, Callable[[Question], float]]] = [
+        ("estimated", "estimated", lambda q: q.answers[asked].distance_m.p50),
+        ("estimated", "true", lambda q: q.truth * q.answers[asked].usable_J.p50 / q.left_J),
+        ("estimated, charge and capacity known", "true", lambda q: q.truth * q.answers[charge].usable_J.p50 / q.left_J),
+        ("true", "estimated", lambda q: q.left_J / q.answers[asked].energy_J_per_m.p50),
+        ("true", "estimated, course known", lambda q: q.left_J / q.answers[course].energy_J_per_m.p50),
+        ("true", "at best over unknown ground", lambda q: q.at_best),
+    ]
+    cells = [(left, per_m, f"{median_error(late, distance_m):.1f}") for left, per_m, distance_m in rows]
+    header = ("energy left", "energy per metre", "median error [%]")
+    return "\n".join([SPLIT, "", OF_SPLIT.format(count=len(drives)), *table(header, cells), ""])
 
 
 if __name__ == "__main__":
