@@ -285,16 +285,18 @@ def tangent_error(model, std, slope=None):
 
 def test_a_reset_begins_the_errors_of_the_curve_anew():
     """They have taken up a voltage that contradicts the model; what they say of the next one is false."""
-    settings = TheveninFilter(NMC, replace(NOISE, level_std_V=0.01, voltage_gain_std=0.005), STEADY)
-    nothing = SocSample(0.0, 0.0, 3.7, 25.0)
+    noise = replace(NOISE, level_std_V=0.01, voltage_gain_std=0.005, hysteresis_std=0.5)
+    settings = TheveninFilter(LFP, noise, STEADY)
+    nothing = SocSample(0.0, 0.0, 3.3, 25.0)
     names = settings.state_names
-    of_curve = [names.index(name) for name in ("model_error", "axis_error", "level_error", "voltage_gain_error")]
+    errors = ("model_error", "axis_error", "level_error", "voltage_gain_error", "hysteresis_log_ratio")
+    of_curve = [names.index(name) for name in errors]
     others = [k for k in range(len(names)) if k not in of_curve]
     start = unpack(settings.init(nothing, 0.5).belief)
     root = np.random.default_rng(1).standard_normal(start.cov.shape)
     after = settings.with_new_curve_errors(Belief(start.mean + 4.0, root @ root.T))
     assert after.mean[of_curve] == pytest.approx(0.0) and after.mean[others] == pytest.approx(start.mean[others] + 4.0)
-    assert after.cov[np.ix_(of_curve, of_curve)] == pytest.approx(np.eye(4))
+    assert after.cov[np.ix_(of_curve, of_curve)] == pytest.approx(np.diag([1.0, 1.0, 1.0, 1.0, 0.25]))
     assert after.cov[np.ix_(others, of_curve)] == pytest.approx(0.0)
     assert after.cov[np.ix_(others, others)] == pytest.approx((root @ root.T)[np.ix_(others, others)])
     assert after.cov[of_curve, of_curve] == pytest.approx(start.cov[of_curve, of_curve])  # as at a start
