@@ -101,7 +101,7 @@ def test_the_doubt_of_the_pairs_near_empty_opens_there_in_the_cold_only():
     assert float(share(0.05, CircuitInput(-0.5, -15.0))) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperature():
+def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_half_of_the_temperature():
     noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4, soc_axis_std=0.0)
     cold = SocSample(36.0, -NMC.capacity_Ah, 3.7, NMC.ocv.reference_degC - 20.0)
     errors = {}
@@ -112,9 +112,9 @@ def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperatur
         errors[level_V] = settings.voltage_error(unpack(state.belief), clean)
         decays = settings.system.error_decays(clean.mean.current_A, clean)
         assert decays == pytest.approx((np.exp(-0.01 / noise.model_soc_length), np.exp(-0.01)))
-    assert float(errors[0.008].level_std_V) == pytest.approx(np.hypot(0.008, 0.004))
+    assert float(errors[0.008].level_std_V) == pytest.approx(np.hypot(0.008, 0.004 / np.sqrt(2.0)))
     variances = {level_V: float(error.model_std_V) ** 2 for level_V, error in errors.items()}
-    assert variances[0.0] - variances[0.008] == pytest.approx(0.004**2)
+    assert variances[0.0] - variances[0.008] == pytest.approx(0.004**2 / 2.0)
 
 
 @pytest.mark.parametrize("soc", [0.03, 0.8])

@@ -45,6 +45,10 @@ RESISTANCE_CORRELATION = 0.7
 #: wrong resistance leaves in the cold.
 LEVEL_SOC_LENGTH = 1.0
 
+#: Share of the level in the variance of the curve by temperature: the entropy of the electrodes changes its sign along
+#: SoC, on graphite with iron phosphate as with layered oxides.
+TEMPERATURE_LEVEL_SHARE = 0.5
+
 #: Charge that flows in one pass over the curve, over the capacity. What voltages show of the capacity on another pass
 #: in the same direction has the same error.
 PASS_SOC = 1.0
@@ -171,12 +175,11 @@ class BatteryNoise:
     def curve_stds(self, soc: Scalar, away_K: Scalar) -> tuple[Scalar, Scalar]:
         """Standard deviations [V] of the curve at this SoC and of its level, `away_K` from the curve's temperature.
 
-        The error by temperature adds to that of the level if the file gives one, else to that of the curve.
+        The error by temperature adds to both by `TEMPERATURE_LEVEL_SHARE`; without an error of the level to the curve.
         """
-        own_V, thermal_V = self.model_std_at(soc), self.ocv_std_V_per_K * away_K
-        if self.level_std_V:
-            return own_V, sqrt(self.level_std_V**2 + thermal_V * thermal_V)
-        return sqrt(own_V**2 + thermal_V * thermal_V), 0.0
+        own_V, thermal_V2 = self.model_std_at(soc), (self.ocv_std_V_per_K * away_K) ** 2
+        level_V2 = TEMPERATURE_LEVEL_SHARE * thermal_V2 if self.level_std_V else 0.0
+        return sqrt(own_V**2 + thermal_V2 - level_V2), sqrt(self.level_std_V**2 + level_V2)
 
     def gain_error_V(self, soc: Scalar, u: CircuitInput, p: Thevenin) -> Scalar:
         """Standard deviation [V] of the error that the gain of the sensor causes in the open-circuit voltage."""

@@ -11,7 +11,7 @@
                                      stays while SoC stays, and is new after `model_soc_length`.
     axis_error                       error of the curve's SoC axis in its own standard deviations, likewise: a shift of
                                      the curve
-    level_error                      error of the level of the curve, likewise: it stays ten times as long, and grows
+    level_error                      error of the level of the curve, likewise: it stays ten times as long; both grow
                                      away from the temperature of the curve
     voltage_gain_error               error of the voltage sensor's gain in its own standard deviations: it stays
     ohmic_activation_error_K, pair_activation_error_K
