@@ -74,10 +74,6 @@ class LogEvents:
         at_most = {*range(0, self.rows, _PIECE), self.rows}
         return sorted(after_full | self.gaps.keys() | {*self.wrong_starts} | at_most | {max(self.exchanged, 0)})
 
-    def end_of_piece(self, begin: int) -> int:
-        """End of the piece of the log that begins at this row."""
-        return self.stops[bisect(self.stops, begin)]
-
     def flags_at(self, row: int) -> int:
         """Flags of the events with which the piece from this row on begins."""
         events = {SocFlag.GAP: row in self.gaps, SocFlag.EXCHANGED: row == self.exchanged}
@@ -299,7 +295,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         whole = SocEstimate._make(map(np.empty, lengths))
         seconds, before, begin = 0.0, 0, 0
         while begin < len(log):
-            end = events.end_of_piece(begin)
+            end = events.stops[bisect(events.stops, begin)]
             rows = SocSample(*(column[begin:end] for column in samples))
             first, end_s = row_of(rows, 0), float(log.time_s[end - 1])
             piece = SocEstimate._make(column[begin:end] if len(column) > 1 else column for column in whole)

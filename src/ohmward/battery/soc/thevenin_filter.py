@@ -231,11 +231,10 @@ class TheveninFilter:
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
         """The belief with the errors of the curve as at a start: a contradicting voltage has driven them away."""
-        stds = dict.fromkeys(("model_error", "axis_error", "level_error", "voltage_gain_error"), 1.0)
-        stds["hysteresis_log_ratio"] = self.noise.hysteresis_std
-        for name, std in stds.items():
+        stds = {"hysteresis_log_ratio": self.noise.hysteresis_std}
+        for name in ("model_error", "axis_error", "level_error", "voltage_gain_error", *stds):
             if name in self.state_names:
-                belief = restarted_at(belief, self.state_names.index(name), 0.0, std**2)
+                belief = restarted_at(belief, self.state_names.index(name), 0.0, stds.get(name, 1.0) ** 2)
         return belief
 
     def has_diverged(self, state: FilterState) -> Any:
