@@ -21,7 +21,7 @@ from ohmward.runs import from_to, long_runs, runs, window_starts
 from ohmward.signals.checks import beyond_limits, scales_of, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
-from ohmward.traction.motion.stuck_gyro import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
+from ohmward.traction.motion.stuck_sensors import COMPARABLE, COMPARABLE_S, LEAST_RANGE_RAD_S, watch_log
 from ohmward.traction.motion_check import (
     FEWEST_VALUES,
     MOST_FASTER,
@@ -30,7 +30,6 @@ from ohmward.traction.motion_check import (
     faster_than_gyro,
     motion_of,
 )
-from ohmward.traction.odometry import stuck_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     WHEEL_TURNS_RAD_S,
@@ -165,7 +164,8 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
     repeated = long_runs(repeats, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values)
     if not repeated:
         return log
-    suspected, is_stuck = (condition[rows] for condition in watch_log(robot, log))
+    watch = watch_log(robot, log)
+    suspected, is_stuck = watch.gyro_suspected[rows], watch.gyro_stuck[rows]
     dead = np.zeros(len(log), dtype=bool)
     for first, stop in repeated:
         never_moves = stop - first >= rows.size - 1
@@ -179,7 +179,8 @@ def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
     if log.speed_m_s is None:
         return log
     rows, dead = np.flatnonzero(np.isfinite(log.speed_m_s)), np.zeros(len(log), dtype=bool)
-    doubted, is_stuck = (condition[rows] for condition in stuck_speed.watch_log(robot, log))
+    watch = watch_log(robot, log)
+    doubted, is_stuck = watch.speed_doubted[rows], watch.speed_stuck[rows]
     repeats = np.append(False, np.diff(log.speed_m_s[rows]) == 0.0)
     for first, stop in runs(doubted):
         if is_stuck[first:stop].any():

@@ -16,8 +16,9 @@ import numpy as np
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
 from ohmward.traction.motion.sample import STOPPED
+from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S
 from ohmward.traction.odometry.measured_motion import may_scrub
-from ohmward.traction.odometry.turn_watch import COUNTED_TURN_RAD_S, OTHER_UNIT_RATIO
+from ohmward.traction.odometry.turn_watch import OTHER_UNIT_RATIO
 from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
@@ -194,7 +195,7 @@ class MotionCheck:
         self.rows = np.vstack([rolling, self.scale * np.array(turn)])
 
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
-        """Signals of wheels that are stuck; for a gyro see `motion/stuck_gyro.py`.
+        """Signals of wheels that are stuck; for a gyro see `motion/stuck_sensors.py`.
 
         sensors: signal -> speed or yaw rate [rad/s], and True where it has been the same to the last bit for long.
         """

@@ -36,7 +36,7 @@ from ohmward.traction.motion.sample import (
     watch_encoders,
     without_stopped,
 )
-from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
+from ohmward.traction.motion.stuck_sensors import GyroWatch, SpeedWatch, without_stuck_gyro, without_stuck_speed
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
@@ -107,7 +107,6 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.odometry.stuck_speed import SpeedWatch, watch_speed, without_stuck_speed
 from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
 
@@ -259,7 +258,7 @@ class PoseFilter:
             heading=heading,
             overrun=run_over(state.overrun, twist(reckoned.mean, u)[0], motion.outside, slides, dt_s),
             unconfirmed=confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, dt_s),
-            changed_yaw_rad=where(watches.gyro.repeated > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
+            changed_yaw_rad=where(watches.gyro.rate.count > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
             slip_std_m_s=u.motion_std[0],
             distance_m=state.distance_m + travelled(belief, u),
             nonlinear_m=state.nonlinear_m + by_nonlinearity(before, reckoned),
@@ -439,12 +438,11 @@ def watch_sensors(before: Watches, clean: CleanSample, robot: Robot) -> tuple[Cl
     """The sample without the values of sensors at fault, and the watches after it."""
     since_s = before.gyro.wheel_age_s + clean.dt_s
     clean, encoders = without_stopped(clean, before.encoders, robot)
-    gyro = watch_gyro(before.gyro, clean, robot)
-    clean = without_stuck_gyro(clean, gyro)
+    clean, gyro = without_stuck_gyro(clean, before.gyro, robot)
     turn = watch_turn(before.turn, clean, since_s, robot)
     clean = without_wrong(clean, turn, robot)
-    speed = watch_speed(before.speed, clean, since_s, robot)
-    return without_stuck_speed(clean, speed), Watches(gyro, encoders, turn, speed)
+    clean, speed = without_stuck_speed(clean, before.speed, since_s, robot)
+    return clean, Watches(gyro, encoders, turn, speed)
 
 
 def newly(now: np.ndarray, before: np.ndarray) -> Scalar:

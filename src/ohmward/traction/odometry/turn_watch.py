@@ -20,10 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.gate import choose
-from ohmward.filters.sanitize import between, every, some
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Condition, Scalar
 from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S, RIGHT_SHARE, is_share
 from ohmward.traction.odometry.measured_motion import may_scrub
 from ohmward.traction.odometry.modes import lever_m, slip_modes
 from ohmward.traction.robot.robot import Robot
@@ -32,9 +33,8 @@ from ohmward.traction.robot.robot import Robot
 #: that is counted for it and against it: a gyro that has turned with the wheels stays as it is mounted.
 SUSPECTED_S, WRONG_S, REVERSED_S, MOST_WRONG_S = 0.5, 2.0, 3.0, 10.0
 
-#: Least yaw rate [rad/s] that counts; the gyro's over the wheels' that is right, and that of wheels that do not scrub
-#: if one counts the other way.
-COUNTED_TURN_RAD_S, RIGHT_SHARE, ROLLING_SHARE = 0.1, (0.3, 1.5), (0.7, 1.3)
+#: Yaw rate of the gyro over that of wheels that do not scrub, if one of them counts the other way.
+ROLLING_SHARE = 0.7, 1.3
 
 #: Least ratio of gyro and wheels that is another unit; a second of that counts for several, as no slip explains it.
 OTHER_UNIT_RATIO, SCALED_COUNTS = 3.0, 4.0
@@ -220,12 +220,6 @@ def count_turn(before: TurnWatch, rates: YawRates, dt_s: Scalar, robot: Robot) -
         turned_rad=before.turned_rad + wheels_rad_s * dt_s,
         way_m=before.way_m + sum(abs(rates.rims_m_s)) / robot.driven * dt_s,
     )
-
-
-def is_share(rate: Any, of: Any, limits: tuple[float, float]) -> Any:
-    """The condition that a yaw rate is that share of one that counts, and has its sign."""
-    same = (rate * of > 0.0) & (abs(of) > COUNTED_TURN_RAD_S)
-    return same & between(abs(rate), limits[0] * abs(of), limits[1] * abs(of))
 
 
 def without_wrong(clean: CleanSample, watch: TurnWatch, robot: Robot) -> CleanSample:

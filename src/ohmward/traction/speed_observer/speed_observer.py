@@ -57,8 +57,7 @@ from ohmward.traction.motion.sample import (
     share_measured,
     was_seen,
 )
-from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
-from ohmward.traction.odometry.stuck_speed import SpeedWatch, watch_speed, without_stuck_speed
+from ohmward.traction.motion.stuck_sensors import GyroWatch, SpeedWatch, without_stuck_gyro, without_stuck_speed
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
@@ -157,12 +156,11 @@ def started(
 
 def without_stuck_speeds(clean: CleanSample, state: ObserverState, robot: Robot) -> tuple[CleanSample, ObserverState]:
     """The sample without the outside speed of a stuck source, and the state, which it no longer holds once it is."""
-    watch = watch_speed(state.speed_watch, clean, state.gyro.wheel_age_s + clean.dt_s, robot)
+    since_s = state.gyro.wheel_age_s + clean.dt_s
+    clean, watch = without_stuck_speed(clean, state.speed_watch, since_s, robot)
     freed = watch.stuck & logical_not(state.speed_watch.stuck)
     held = choose(freed, Held(), state.evidence.held)
-    return without_stuck_speed(clean, watch), state._replace(
-        speed_watch=watch, evidence=state.evidence._replace(held=held)
-    )
+    return clean, state._replace(speed_watch=watch, evidence=state.evidence._replace(held=held))
 
 
 #: Largest force that any ground takes, over the load.
@@ -285,8 +283,7 @@ class SpeedObserver:
         stands, the sample has no motion.
         """
         clean = sanitize(sample, self.gap_s)
-        gyro = watch_gyro(state.gyro, clean, self.scene.robot)
-        clean = without_stuck_gyro(clean, gyro)
+        clean, gyro = without_stuck_gyro(clean, state.gyro, self.scene.robot)
         if self.model.noise.speed_std_m_s is not None:
             clean, state = without_stuck_speeds(clean, state, self.scene.robot)
         before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)

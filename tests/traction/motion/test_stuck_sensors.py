@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import STOPPED
-from ohmward.traction.motion.stuck_gyro import COMPARABLE_S, SETTLED_S, watch_log
+from ohmward.traction.motion.stuck_sensors import COMPARABLE_S, SETTLED_S, watch_log
 
 DT_S = 0.02
 TIME_S = DT_S * np.arange(2000)
@@ -18,7 +18,7 @@ def found(turn, gyro):
     motion = np.column_stack([np.full(len(turn), 0.5), turn])
     speeds = motion @ RLMA.rolling.T / RLMA.wheel.radius_m
     log = DriveLog("turns", TIME_S, speeds, np.full((len(turn), 2), np.nan), yaw_rate_rad_s=gyro)
-    return watch_log(RLMA, log)
+    return np.array(watch_log(RLMA, log)[:2])
 
 
 def winding():
