@@ -36,7 +36,7 @@ def changed(log, name, column, function):
 
 
 def texts(robot, log):
-    return [note.text for note in check_drive(robot, log)]
+    return [note.text for note in check_drive(robot, log).notes]
 
 
 @pytest.mark.parametrize("robot", [RLMA, FOUR, replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))])
@@ -71,7 +71,7 @@ def test_an_encoder_that_repeats_one_commanded_speed_while_others_go_on_is_named
 def test_a_dead_gyro_is_left_out_and_a_good_one_is_not():
     log = good()
     assert mended(RLMA, log) is log
-    dead = mended(RLMA, good(yaw_rate_rad_s=np.zeros(TIME.size)))
+    dead = check_drive(RLMA, good(yaw_rate_rad_s=np.zeros(TIME.size)))
     assert np.isnan(np.asarray(dead.yaw_rate_rad_s)).all()
     assert "the gyro is stuck: the same to the last bit from 0 s to 19.98 s" in str(dead.notes[-1])
     rate = np.asarray(good().yaw_rate_rad_s)

@@ -1,7 +1,7 @@
 """Checks of the recording of a drive for faults, before an estimate is made from it.
 
-Each check looks for one fault of real robots, and names the wheel, the evidence and the cure. A speed from outside
-without a sign is corrected.
+Each check looks for one fault of real robots, and names the wheel, the evidence and the cure. Sensors that are stuck
+are left out, and signs that the other sensors show are corrected.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import from_to, long_runs, runs, window_starts
+from ohmward.runs import from_to, long_runs, repeats, runs, window_starts
 from ohmward.signals.checks import beyond_limits, scales_of, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import STOPPED, require_wheels
@@ -40,7 +40,6 @@ from ohmward.traction.wheel_signs import (
     FEWEST_BACK,
     SIZE_SHARE,
     WORKS_A,
-    lost_signs,
     sides_of,
     with_wheel_signs,
 )
@@ -79,8 +78,8 @@ RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS = 2.0, 1.4, 5.0
 RATIO_ALIKE = 0.1
 
 
-def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
-    """A warning for each fault that was found.
+def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log as `mended`, with a warning for each fault that was found.
 
     Raises:
         InputError: other wheels than the robot's, or the speed of the wheels and that from outside cannot be of one
@@ -100,13 +99,14 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _stuck_robot,
         _wrong_units,
     )
+    log = mended(robot, log)
     found: list[str] = []
     for check in checks:
         try:
             found += check(robot, log)
         except InputError as error:  # another fault may be the cause
             raise InputError("; ".join([str(error), *found]), error.options) from None
-    return tuple(Note(text, "warning") for text in found)
+    return log.with_notes(*(Note(text, "warning") for text in found))
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
@@ -156,12 +156,7 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
 
     A gyro that never shows another number is stuck even if it is 0, and wheels that slip are not the cause.
     """
-    if log.yaw_rate_rad_s is None:
-        return log
-    rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
-    rate = log.yaw_rate_rad_s[rows]
-    repeats = np.append(False, np.diff(rate) == 0.0) & (np.abs(rate) < LEAST_RANGE_RAD_S)
-    repeated = long_runs(repeats, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values)
+    rows, repeated = _repeated_rates(log, False, STOPPED.contradicts_s, STOPPED.values)
     if not repeated:
         return log
     watch = watch_log(robot, log)
@@ -174,6 +169,18 @@ def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
     return _left_out(log, "yaw_rate_rad_s", dead, "the gyro is ", "the robot")
 
 
+def _repeated_rates(
+    log: DriveLog, clips: bool, least_s: float, fewest: int
+) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Rows (N,) with a yaw rate, and runs of these that repeat one, at the end of the gyro's range or within it."""
+    if log.yaw_rate_rad_s is None:
+        return np.empty(0, dtype=int), []
+    rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
+    rate = log.yaw_rate_rad_s[rows]
+    same = repeats(rate) & ((np.abs(rate) >= LEAST_RANGE_RAD_S) == clips)
+    return rows, long_runs(same, log.time_s[rows], least_s, fewest)
+
+
 def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
     """The log without a speed from outside that is stuck, from its first doubtful value on."""
     if log.speed_m_s is None:
@@ -181,10 +188,10 @@ def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
     rows, dead = np.flatnonzero(np.isfinite(log.speed_m_s)), np.zeros(len(log), dtype=bool)
     watch = watch_log(robot, log)
     doubted, is_stuck = watch.speed_doubted[rows], watch.speed_stuck[rows]
-    repeats = np.append(False, np.diff(log.speed_m_s[rows]) == 0.0)
+    same = repeats(log.speed_m_s[rows])
     for first, stop in runs(doubted):
         if is_stuck[first:stop].any():
-            dead[rows[first - int(repeats[first]) : stop]] = True
+            dead[rows[first - int(same[first]) : stop]] = True
     return _left_out(log, "speed_m_s", dead, "the speed from outside is ", "the wheels' speed")
 
 
@@ -231,13 +238,12 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
     for k, name in enumerate(_names(robot)):
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
-        same = np.append(False, np.diff(speed) == 0)
         changes = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1])))
         count = np.min(changes, axis=0, where=changes > 0.0, initial=np.inf)
         count = np.where(np.count_nonzero(changes, axis=0) >= FEWEST_VALUES, count, 0.0)
         change = np.where(changes > MORE_THAN_ONE * count, changes, 0.0).max(axis=1, initial=0.0)
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > STOPPED.moves_rad_s
-        for first, stop in long_runs(same, log.time_s[rows], STOPPED.contradicts_s, STOPPED.values):
+        for first, stop in long_runs(repeats(speed), log.time_s[rows], STOPPED.contradicts_s, STOPPED.values):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             # others flicker, or go at one commanded speed after another
             jumps = np.count_nonzero(change[first:stop] > max(UNLIKE * abs(speed[first]), STOPPED.moves_rad_s))
@@ -270,20 +276,17 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
 def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wrong signs and units, by which wheels and gyro contradict each other."""
     motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
-    signs = [str(finding) for _, finding in check_signs(robot, motion, "log")] or list(_unsigned_wheels(robot, log))
+    signs = [str(finding) for _, finding in check_signs(robot, motion, "log")]
     yield from signs or map(str, check_units(robot, motion, "log"))
 
 
 def _clipped_gyro(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Turns faster than the range of the gyro, at whose end it repeats itself."""
-    if log.yaw_rate_rad_s is None:
-        return
-    rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
-    rate = log.yaw_rate_rad_s[rows]
-    same = np.append(False, np.diff(rate) == 0.0) & (np.abs(rate) >= LEAST_RANGE_RAD_S)
-    clipped = sum(stop - first for first, stop in long_runs(same, log.time_s[rows], COMPARABLE_S, COMPARABLE))
+    rows, clipped_runs = _repeated_rates(log, True, COMPARABLE_S, COMPARABLE)
+    clipped = sum(stop - first for first, stop in clipped_runs)
     if clipped:
-        most = math.degrees(float(np.abs(rate).max()))
+        assert log.yaw_rate_rad_s is not None
+        most = math.degrees(float(np.abs(log.yaw_rate_rad_s[rows]).max()))
         text = f"the gyro clips at {most:.4g} deg/s in {clipped} samples, where the wheels give the turn"
         yield f"{text}; set a larger range"
 
@@ -307,17 +310,6 @@ def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
             radius_m = robot.wheel.radius_m
             found = beyond_limits(quantity, lowest, highest, limits, "log", what, radius_m=radius_m)
             yield from map(str, found)
-
-
-def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Wheels that are never negative while others show that one side, or both, turned back for a while."""
-    lost = lost_signs(robot, log)
-    if lost is not None:
-        yield (
-            f"the wheel speeds are never negative, but {lost.evidence} in {lost.samples} samples: they have lost their "
-            "sign; where gyro, speed from outside and motor currents do not show it, they are left out; let the logger "
-            "write it"
-        )
 
 
 def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
@@ -410,7 +402,6 @@ def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that turn under a robot that stands, by a speed from outside, which may be infrequent."""
-    log = without_stuck_speed(robot, log)
     speed, wheels = speed_and_wheels_m_s(robot, log)
     if not speed.size:
         return

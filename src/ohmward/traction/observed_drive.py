@@ -18,7 +18,7 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.traction.drive_checks import check_drive, mended
+from ohmward.traction.drive_checks import check_drive
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun
@@ -289,12 +289,11 @@ def observe_drive(
     Raises:
         InputError: the method is unknown, or the log cannot be of this robot.
     """
-    faults = check_drive(robot, log)
-    log = mended(robot, log)
+    log = check_drive(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = Odometry(odometry_for(robot, log)).run(log, track.estimates)
-    notes = (*faults, *log.notes, *chosen.notes, *fit_notes(track))
+    notes = (*log.notes, *chosen.notes, *fit_notes(track))
     by = method if isinstance(chosen.observer, SpeedObserver) else ODOMETRY
     return ObservedDrive(robot, track, path, notes, by, not misfits(track))
 
@@ -311,13 +310,12 @@ def observe_on_floors(
         InputError: there are no floors, a floor or the method is unknown, or a driven wheel has no encoder or motor
             current.
     """
-    faults = check_drive(robot, log)
-    log = mended(robot, log)
+    log = check_drive(robot, log)
     began = time.perf_counter()
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, known_only=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
-    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
+    notes = (*log.notes, *_floor_notes(robot, known, on_floors, on))
     if "speed_m_s" in log.channels:
         notes += (Note("the outside speed shows slip: it indicates the floor, and narrows the band"),)
     path = Odometry(odometry_for(robot, log)).run(log, track.estimates)

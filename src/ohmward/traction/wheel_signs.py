@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
 from ohmward.traction.motion.outside_speed import TURNS_M_S
 from ohmward.traction.motion_check import CURED, FEWEST_VALUES, LEAST_RAD_S, SCRUBS
 from ohmward.traction.robot.robot import Robot
@@ -105,7 +106,10 @@ def lost_signs(robot: Robot, log: DriveLog) -> LostSigns | None:
 
 
 def with_wheel_signs(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log with the signs of wheel speeds that have lost them, nan where these are unknown; else unchanged."""
+    """The log with the signs of wheel speeds that have lost them, nan where these are unknown, and a note.
+
+    Otherwise the log unchanged.
+    """
     lost, sides = lost_signs(robot, log), sides_of(robot)
     if lost is None or sides is None:
         return log
@@ -113,7 +117,13 @@ def with_wheel_signs(robot: Robot, log: DriveLog) -> DriveLog:
     sign = np.where(forward > KNOWN, 1.0, np.where(forward < 1.0 - KNOWN, -1.0, np.nan))
     of_wheel = np.column_stack([sign, np.full(len(log), np.nan)])[:, np.choose(sides + 1, [1, 2, 0])]
     speed = log.wheel_speed_rad_s
-    return replace(log, wheel_speed_rad_s=np.where(speed == 0.0, 0.0, np.abs(speed) * of_wheel))
+    text = (
+        f"the wheel speeds are never negative, but {lost.evidence} in {lost.samples} samples: they have lost their "
+        "sign; where gyro, speed from outside and motor currents do not show it, they are left out; let the logger "
+        "write it"
+    )
+    signed = replace(log, wheel_speed_rad_s=np.where(speed == 0.0, 0.0, np.abs(speed) * of_wheel))
+    return signed.with_notes(Note(text, "warning"))
 
 
 def forward_probability(robot: Robot, log: DriveLog, sides: np.ndarray, turns: float) -> np.ndarray:

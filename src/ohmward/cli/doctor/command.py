@@ -209,7 +209,10 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
     if places:
         try:
             drive = options._replace(reading=of_kinds(reading, of_battery=False)).read(path, file=file)
-            drive = drive.with_notes(*(check_drive(options.robot, drive) if options.robot else _without_radius(drive)))
+            if options.robot is None:
+                drive = drive.with_notes(*_without_radius(drive))
+            else:  # which shows the values of the file, not the mended ones
+                drive = replace(drive, notes=check_drive(options.robot, drive).notes)
         except InputError as error:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error

@@ -111,7 +111,8 @@ def calibrate(
 def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog) -> list[Note]:
     """Warnings of `check_drive`, with the name of the log."""
     log = drive.log if isinstance(drive, CalibrationDrive) else drive
-    return [note._replace(text=f"{log.name}: {note.text}") for note in check_drive(robot, log)]
+    found = check_drive(robot, log).notes[len(log.notes) :]
+    return [note._replace(text=f"{log.name}: {note.text}") for note in found]
 
 
 def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:
@@ -167,7 +168,7 @@ def with_sensed_motion(robot: Robot, log: CalibrationDrive | DriveLog, by_wheels
         InputError: no speed, or it does not determine the sideways motion.
     """
     if isinstance(log, CalibrationDrive):
-        return log
+        return log._replace(log=mended(robot, log.log))
     log = mended(robot, log)
     yaw_rate_rad_s = log.yaw_rate_rad_s
     scale_std = 0.0 if yaw_rate_rad_s is None else OdometryNoise().gyro_scale_std
