@@ -297,39 +297,49 @@ class CommonInnovation(NamedTuple):
 def use_passive_wheels(
     body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
 ) -> BodyCorrection:
-    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
-
-    A wheel that contradicts for too long is at fault; if all do, the speed is, and it is widened for them.
-    """
-    n, times_s = model.driven, body.rejected.passive_s
-    if model.noise.passive_std_rad_s is None or not len(times_s):
+    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`."""
+    if model.noise.passive_std_rad_s is None or len(lag) == model.driven:
         return body
-    common = common_innovation(body, lag, clean, model, gate)
+    body = opened_for_passive(body, common_innovation(body, lag, clean, model, gate), clean, model, gate)
+    for k in range(model.driven, len(lag)):
+        body = use_passive_wheel(body, k, lag[k], clean, model, gate)
+    return body
+
+
+def opened_for_passive(
+    body: BodyCorrection, common: CommonInnovation, clean: CleanSample, model: Model, gate: SensorGate
+) -> BodyCorrection:
+    """The correction with a speed widened for passive wheels that all contradict it; one that does so is at fault."""
+    times_s = body.rejected.passive_s
     lasts = exp(-clean.dt_s / COMMON_LASTS_S)
     innovation_sum = lasts * body.rejected.passive_sum + common.normalised
     leans = (1.0 - lasts * lasts) * innovation_sum**2 > LASTING_NIS
     wrong_after_s = where(common.confirmed, minimum(SPIKE_S, gate.reset_after_s), gate.reset_after_s)
-    wrong = every(time_s > wrong_after_s for time_s in times_s) & every(clean.wheel_measured[n:])
+    wrong = every(time_s > wrong_after_s for time_s in times_s) & every(clean.wheel_measured[model.driven :])
     opened = opened_for(body.belief, common.speed_m_s, model)
-    body = body._replace(
+    return body._replace(
         belief=choose(some([leans, wrong]), opened, body.belief),
         passive_suspect=some(time_s > gate.reset_after_s for time_s in times_s),
+        rejected=body.rejected._replace(passive_sum=where(leans, 0.0, innovation_sum)),
     )
-    after_s = []
-    for k, measured, time_s in zip(range(n, len(lag)), clean.wheel_measured[n:], times_s, strict=True):
-        y = where(measured, clean.wheel_speed_rad_s[k] + lag[k], np.nan)
-        belief, accepted = correct_sensor(
-            body.belief, y, model.passive_speed(k), model.stds(clean).encoder_rad_s[k] ** 2, gate.nis
-        )
-        rejected = measured & logical_not(accepted)
-        after_s.append(time_rejected(time_s, clean.dt_s, rejected, measured))
-        body = body._replace(
-            belief=belief,
-            observable=some([body.observable, accepted]),
-            passive_rejected=some([body.passive_rejected, rejected]),
-        )
-    passive_sum = where(leans, 0.0, innovation_sum)
-    return body._replace(rejected=body.rejected._replace(passive_s=np.array(after_s), passive_sum=passive_sum))
+
+
+def use_passive_wheel(
+    body: BodyCorrection, k: int, lag_rad_s: Scalar, clean: CleanSample, model: Model, gate: SensorGate
+) -> BodyCorrection:
+    """Correct with the speed of wheel k."""
+    measured, times_s = clean.wheel_measured[k], list(body.rejected.passive_s)
+    y = where(measured, clean.wheel_speed_rad_s[k] + lag_rad_s, np.nan)
+    variance = model.stds(clean).encoder_rad_s[k] ** 2
+    belief, accepted = correct_sensor(body.belief, y, model.passive_speed(k), variance, gate.nis)
+    rejected = measured & logical_not(accepted)
+    times_s[k - model.driven] = time_rejected(times_s[k - model.driven], clean.dt_s, rejected, measured)
+    return body._replace(
+        belief=belief,
+        observable=some([body.observable, accepted]),
+        passive_rejected=some([body.passive_rejected, rejected]),
+        rejected=body.rejected._replace(passive_s=np.array(times_s)),
+    )
 
 
 def common_innovation(
