@@ -210,6 +210,8 @@ class PoseCorrection(NamedTuple):
     """Belief after measurements, and conditions on them."""
 
     belief: Belief  #: after them
+    sums: TurnSums  #: angles of gyro and wheels since they were last compared
+    heading: HeadingTimes  #: times of headings
     turn_apart_rad_s: Any = 0.0  #: yaw rate by which gyro and wheels differ
     #: see `OdometryFlag`
     turn_rejected: Any = False
@@ -235,9 +237,7 @@ def add_turn(sums: TurnSums, u: MotionInput, rim_m: Scalar) -> TurnSums:
     return choose(u.comparable, added, TurnSums(differences=sums.differences))
 
 
-def use_turn(
-    body: PoseCorrection, sums: TurnSums, u: MotionInput, fresh: Scalar, gate: float, reset_after_s: float
-) -> tuple[PoseCorrection, TurnSums]:
+def use_turn(body: PoseCorrection, u: MotionInput, fresh: Scalar, gate: float, reset_after_s: float) -> PoseCorrection:
     """Correct with the angles that wheels and gyro have turned, once a comparison is due; new sums then.
 
     Wheels that turned:   0 = d - (t_g + t_w) w + e,                            e a part of a count
@@ -254,6 +254,7 @@ def use_turn(
 
     fresh: the condition that the step ended with a value of the wheels.
     """
+    sums = body.sums
     due = fresh & (sums.time_s >= COMPARED_S)
     stood = sums.rim_m <= STOOD_M
     rests = where(stood, sums.stood + 1.0, 0.0)
@@ -286,9 +287,9 @@ def use_turn(
     belief = choose(rejected, forget(scrubbing(belief, sums), APART, u.count_rad * u.count_rad), belief)
     # An offset that changes faster than gyros drift: somebody may have turned the robot instead.
     belief = inflate(belief, YAW, where(diverged & logical_not(drifts), (rate * apart_s) ** 2, 0.0))
-    body = body._replace(belief=belief, turn_apart_rad_s=abs(nu) / time_s, turn_rejected=rejected)
     apart = choose(due, compared(apart, nu, S, time_s, stood, rejected), apart)
-    return body, choose(due, TurnSums(stood=rests, differences=apart), sums)
+    sums = choose(due, TurnSums(stood=rests, differences=apart), sums)
+    return body._replace(belief=belief, sums=sums, turn_apart_rad_s=abs(nu) / time_s, turn_rejected=rejected)
 
 
 def compared(
@@ -416,12 +417,11 @@ def moved_back(belief: Belief, way_m: Scalar, u: MotionInput) -> Belief:
 def use_heading(
     body: PoseCorrection,
     sample: OdometrySample,
-    times: HeadingTimes,
     u: MotionInput,
     noise: OdometryNoise,
     gate: float,
     reset_after_s: float,
-) -> tuple[PoseCorrection, HeadingTimes]:
+) -> PoseCorrection:
     """Correct with a heading, by the shorter turn; new times then.
 
     heading = yaw + heading_zero + noise
@@ -435,7 +435,7 @@ def use_heading(
     def heading(x: np.ndarray) -> np.ndarray:
         return np.array([yaw_now(x, u) + x[HEADING_ZERO]])
 
-    own = sample.heading_std_rad
+    own, times = sample.heading_std_rad, body.heading
     std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
     wait_s = maximum(times.wait_s - u.dt_s, 0.0)
     usable = is_usable(own, HEADING_STD) & (wait_s <= 0.0)
@@ -448,8 +448,8 @@ def use_heading(
     belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), heading, std_rad**2, gate)
     rejected = measured & logical_not(accepted)
     rejected_s = time_rejected(times.rejected_s, u.dt_s, rejected, measured, sparse=True)
-    body = body._replace(belief=belief, heading_rejected=rejected)
-    return body, HeadingTimes(where(accepted, HEADING_WAIT * noise.correlation_s, wait_s), rejected_s)
+    times = HeadingTimes(where(accepted, HEADING_WAIT * noise.correlation_s, wait_s), rejected_s)
+    return body._replace(belief=belief, heading=times, heading_rejected=rejected)
 
 
 def use_increment(

@@ -230,44 +230,16 @@ class PoseFilter:
         """Outcome of a step: dead reckoning, then each measurement corrects."""
         clean, watches = watch_sensors(state.watches, sanitize(sample.robot, self.gap_s), self.robot)
         state = self.with_found_faults(state, watches)
-        before = unpack(state.belief)
         clean, motion, gyro = self.measure(state, clean, watches, sample.observed)
-        u, dt_s = motion.input, clean.dt_s
         is_caught = motion.is_held & (state.motion.held.probability <= IS_HELD)
-        prior = self.prior(state, motion, is_caught)
-        reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), u)
-        trail = extend(state.trail, twist(before.mean, u), dt_s)
-        sums = add_turn(state.sums, u, motion.rim_m)
+        reckoned = self.reckon(state, motion, is_caught)
+        after = self.remember(state, motion, reckoned, is_caught)._replace(gyro=gyro, watches=watches)
         overrun_m = where(is_caught, 0.0, state.overrun.way_m)
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, trail, overrun_m)
-        body, heading = use_heading(body, sample, state.heading, u, self.noise, self.gate, self.reset_after_s)
-        walk_std = self.noise.gyro_offset_walk
-        offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, dt_s, walk_std)
-        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
-        slides = where(is_caught, 1.0, motion.sensors.held.slides)
-        after = PoseState(
-            belief=pack(belief),
-            motion=motion.sensors,
-            gyro=gyro,
-            watches=watches,
-            sums=sums,
-            trail=trail,
-            agreed=state.agreed,
-            offset_walk=offset_walk,
-            curvature_std_1_m=curvature_std_1_m,
-            heading=heading,
-            overrun=run_over(state.overrun, twist(reckoned.mean, u)[0], motion.outside, slides, dt_s),
-            unconfirmed=confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, dt_s),
-            changed_yaw_rad=where(watches.gyro.rate.count > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
-            slip_std_m_s=u.motion_std[0],
-            distance_m=state.distance_m + travelled(belief, u),
-            nonlinear_m=state.nonlinear_m + by_nonlinearity(before, reckoned),
-            held_back_m=where(watches.speed.doubted, state.held_back_m + held_back(belief, motion, dt_s), 0.0),
-        )
-        missed = turn_missed(belief.mean, watches, state.changed_yaw_rad)
-        estimate = self.conclude(belief, motion, after, missed)
-        incidents = self.incidents(before, clean, motion, body._replace(belief=belief), watches)
-        return PoseStep(after, estimate, incidents, u.unobserved_s[0])
+        body = self.correct(after, reckoned, sample, clean, motion, overrun_m)
+        after = self.learn(after, body, motion)
+        missed = turn_missed(unpack(after.belief).mean, watches, state.changed_yaw_rad)
+        incidents = self.incidents(unpack(state.belief), clean, motion, body, watches)
+        return PoseStep(after, self.conclude(motion, after, missed), incidents, motion.input.unobserved_s[0])
 
     def with_found_faults(self, state: PoseState, watches: Watches) -> PoseState:
         """The state before a sample, corrected for the faults of sensors that the sample has shown.
@@ -313,15 +285,49 @@ class PoseFilter:
         )
         return clean, motion._replace(input=u), gyro
 
-    def prior(self, state: PoseState, motion: MeasuredMotion, is_caught: Scalar) -> Belief:
-        """The belief before a step, with the slip that its motion may have; is_caught: the robot is held from it on."""
+    def reckon(self, state: PoseState, motion: MeasuredMotion, is_caught: Scalar) -> Belief:
+        """Belief at the end of a step by dead reckoning; is_caught: the robot is held from the step on."""
         before, slip_std_m_s = unpack(state.belief), motion.input.motion_std[0]
         prior = with_slip_speed(before, state.slip_std_m_s, slip_std_m_s)
         alone = motion.by_driven & (abs(motion.input.slip_sigmas) > GROSS_SLIP)
         changed_m_s = (motion.sensors.modes.forward_m_s - state.motion.modes.forward_m_s).mean()
         slip_m_s = state.slip_std_m_s * before.mean[SLIP]
         prior = choose(alone, with_rims_alone(prior, slip_m_s, changed_m_s, slip_std_m_s), prior)
-        return choose(is_caught, moved_back(forget(prior, SLIP, 1.0), state.overrun.way_m, motion.input), prior)
+        stands = moved_back(forget(prior, SLIP, 1.0), state.overrun.way_m, motion.input)
+        return self.predict(opened(choose(is_caught, stands, prior), motion, motion.speed.std_m_s), motion.input)
+
+    def remember(self, state: PoseState, motion: MeasuredMotion, reckoned: Belief, is_caught: Scalar) -> PoseState:
+        """The state with the motion of a step, before the measurements correct its belief."""
+        before, u = unpack(state.belief).mean, motion.input
+        dt_s = u.dt_s
+        slides = where(is_caught, 1.0, motion.sensors.held.slides)
+        return state._replace(
+            motion=motion.sensors,
+            sums=add_turn(state.sums, u, motion.rim_m),
+            trail=extend(state.trail, twist(before, u), dt_s),
+            overrun=run_over(state.overrun, twist(reckoned.mean, u)[0], motion.outside, slides, dt_s),
+            unconfirmed=confirm(state.unconfirmed, motion.sensors.rim_m_s, motion.outside, state.overrun, dt_s),
+            slip_std_m_s=u.motion_std[0],
+            nonlinear_m=state.nonlinear_m + by_nonlinearity(before, reckoned),
+        )
+
+    def learn(self, state: PoseState, body: PoseCorrection, motion: MeasuredMotion) -> PoseState:
+        """The state with the belief after the measurements, and what this says of gyro, wheels and path."""
+        u, watches = motion.input, state.watches
+        walk_std = self.noise.gyro_offset_walk
+        offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, u.dt_s, walk_std)
+        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
+        held_back_m = state.held_back_m + held_back(belief, motion, u.dt_s)
+        return state._replace(
+            belief=pack(belief),
+            sums=body.sums,
+            heading=body.heading,
+            offset_walk=offset_walk,
+            curvature_std_1_m=curvature_std_1_m,
+            changed_yaw_rad=where(watches.gyro.rate.count > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
+            distance_m=state.distance_m + travelled(belief, u),
+            held_back_m=where(watches.speed.doubted, held_back_m, 0.0),
+        )
 
     def estimate_gyro_noise(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
         """Noise of the gyro after the step; its sample is new if its age is zero."""
@@ -338,22 +344,26 @@ class PoseFilter:
 
     def correct(
         self,
-        body: PoseCorrection,
-        sums: TurnSums,
+        state: PoseState,
+        reckoned: Belief,
         sample: OdometrySample,
         clean: CleanSample,
         motion: MeasuredMotion,
-        trail: Trail,
         overrun_m: Scalar,
-    ) -> tuple[PoseCorrection, TurnSums]:
-        """Correct with wheels against gyro, with external speeds and with a pose increment."""
+    ) -> PoseCorrection:
+        """Correct with wheels against gyro, with external speeds, with a pose increment and with a heading.
+
+        state: with the motion of the step.  overrun_m: distance by which the pose is ahead of the outside speeds.
+        """
         noise, gate, u = self.noise, self.gate, motion.input
         fresh = some([motion.sensors.intervals.age_s[channel] <= 0.0 for channel in (WHEELS, PASSIVE)])
-        body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
+        body = PoseCorrection(reckoned, state.sums, state.heading)
+        body = use_turn(body, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
         slides = motion.sensors.held.slides
         body = use_speeds(body, sample, clean, u, motion.outside, slides, overrun_m, noise, gate)
-        return use_increment(body, sample, u, trail, noise, gate), sums
+        body = use_increment(body, sample, u, state.trail, noise, gate)
+        return use_heading(body, sample, u, noise, gate, self.reset_after_s)
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
         """Slip [m/s] of rolling driven wheels implied by a turn that they showed and the robot did not make."""
@@ -361,12 +371,10 @@ class PoseFilter:
         rolls = motion.sensors.modes.probability[0]
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
-    def conclude(
-        self, belief: Belief, motion: MeasuredMotion, after: PoseState, missed: np.ndarray
-    ) -> OdometryEstimate:
+    def conclude(self, motion: MeasuredMotion, after: PoseState, missed: np.ndarray) -> OdometryEstimate:
         """The estimate still without flags; missed: `missed_variance` of a turn that is not known."""
         overrun, unconfirmed = after.overrun, after.unconfirmed
-        x, P = belief
+        x, P = unpack(after.belief)
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
         apart = np.array([*after.nonlinear_m, np.zeros(2)])
@@ -592,7 +600,7 @@ def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
     return choose(motion.by_driven, widen(belief, SLIP, slip * slip), belief)
 
 
-def by_nonlinearity(before: Belief, after: Belief) -> np.ndarray:
+def by_nonlinearity(before: np.ndarray, after: Belief) -> np.ndarray:
     """Contribution of a step to `PoseState.nonlinear_m` (2, 2).
 
     A normal yaw error e of standard deviation s changes the way d of a step by d (cos e - 1) along it and by d sin e
@@ -606,7 +614,7 @@ def by_nonlinearity(before: Belief, after: Belief) -> np.ndarray:
     q = exp(-0.5 * variance)
     along = (1.0 - q) * sqrt((q * q + 2.0 * q + 3.0) / 2.0)
     across = std_of((1.0 - q**4) / 2.0 - q * q * variance)
-    dx, dy = after.mean[:YAW] - before.mean[:YAW]
+    dx, dy = after.mean[:YAW] - before[:YAW]
     return np.array([[along * dx, -across * dy], [along * dy, across * dx]])
 
 
