@@ -141,13 +141,19 @@ def scrubbing(gyro=1.0, wheels=1.0, **others):
     [
         (scrubbing(), []),
         (scrubbing(gyro=-1.0), ["turn against each other"]),
-        (scrubbing(wheels=0.12), ["the wheels in m/s? use --unit wheel_speed=m/s"]),
         (scrubbing(gyro=180.0 / np.pi), ["the gyro in degrees per second? use --unit yaw_rate=deg/s"]),
     ],
 )
 def test_signs_and_units_of_a_robot_whose_wheels_scrub(log, expected):
     found = texts(SCRUBBING, log)
     assert len(found) == len(expected) and all(part in text for part, text in zip(expected, found, strict=True))
+
+
+@pytest.mark.parametrize("wheels, unit", [(0.12, "m/s"), (9.55, "rpm")])
+def test_a_gyro_shows_that_the_wheels_are_in_another_unit(wheels, unit):
+    with pytest.raises(InputError, match=f"as fast as the gyro.*use --unit wheel_speed={unit}") as refused:
+        check_drive(SCRUBBING, scrubbing(wheels=wheels))
+    assert refused.value.options == ("--unit", f"wheel_speed={unit}")
 
 
 def test_a_gyro_that_only_has_noise_shows_no_unit():

@@ -28,6 +28,7 @@ from ohmward.traction.motion_check import (
     check_signs,
     check_units,
     faster_than_gyro,
+    fitting_units,
     motion_of,
 )
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -72,7 +73,7 @@ SPIKE = 10.0
 ROBOT_STUCK_S, FEWEST_STUCK = 3.0, 3
 
 #: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, also if nine of ten samples
-#: are, as slip comes and goes; and certainly wrong.
+#: are, as slip comes and goes; and certainly wrong, as it is over the turn of the gyro.
 RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS = 2.0, 1.4, 5.0
 #: Relative difference up to which that ratio is the one of another unit, or of the gear.
 RATIO_ALIKE = 0.1
@@ -82,8 +83,8 @@ def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
     """The log as `mended`, with a warning for each fault that was found.
 
     Raises:
-        InputError: other wheels than the robot's, or the speed of the wheels and that from outside cannot be of one
-            robot in these units.
+        InputError: other wheels than the robot's, or the speed of the wheels and that from outside, or the turn by
+            the gyro, cannot be of one robot in these units.
     """
     require_wheels(robot, log)
     checks = (
@@ -277,7 +278,13 @@ def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wrong signs and units, by which wheels and gyro contradict each other."""
     motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
     signs = [str(finding) for _, finding in check_signs(robot, motion, "log")]
-    yield from signs or map(str, check_units(robot, motion, "log"))
+    found = signs or [str(finding) for finding in check_units(robot, motion, "log")]
+    faster = faster_than_gyro(robot, motion)
+    of_wheels, of_gyro = fitting_units(robot, faster)
+    if found and of_wheels and not (of_gyro or 1 / RATIO_MEANINGLESS < abs(faster) < RATIO_MEANINGLESS):
+        likely = ("--unit", f"wheel_speed={of_wheels[0].symbol}") if len(of_wheels) == 1 else ()
+        raise InputError(f"{log.name}: {found[-1]}", likely)
+    yield from found
 
 
 def _clipped_gyro(robot: Robot, log: DriveLog) -> Iterator[str]:

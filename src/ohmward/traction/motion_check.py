@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.quantities import QUANTITIES
-from ohmward.signals.checks import Finding, Place, rescale, scales_of
+from ohmward.signals.checks import Finding, Place, Scale, rescale, scales_of
 from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S
 from ohmward.traction.odometry.measured_motion import may_scrub
@@ -44,6 +44,7 @@ CORRELATED = 0.8
 #: A gyro measures another axis if it hides more than this share of the turns.
 HIDDEN_SHARE = 0.9
 
+_OF_WHEELS, _OF_GYRO = QUANTITIES["wheel_speed_rad_s"], QUANTITIES["yaw_rate_rad_s"]
 _WHEEL, _YAW_RATE = ("wheel_speed_rad_s", "wheel_counts"), "yaw_rate_rad_s"
 
 
@@ -99,17 +100,20 @@ def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Fi
     faster = faster_than_gyro(robot, motion)
     if not math.isfinite(faster) or _fits(robot, faster):
         return
-    wheel, gyro = QUANTITIES["wheel_speed_rad_s"], QUANTITIES["yaw_rate_rad_s"]
-    fixes = [
-        f"the wheels in {rescale(wheel, scale, place)}"
-        for scale in scales_of(wheel, robot.wheel.radius_m)
-        if _fits(robot, scale.factor * faster)
-    ]
-    fixes += [
-        f"the gyro in {rescale(gyro, scale, place)}" for scale in scales_of(gyro) if _fits(robot, faster / scale.factor)
-    ]
+    of_wheels, of_gyro = fitting_units(robot, faster)
+    fixes = [f"the wheels in {rescale(_OF_WHEELS, scale, place)}" for scale in of_wheels]
+    fixes += [f"the gyro in {rescale(_OF_GYRO, scale, place)}" for scale in of_gyro]
     fix = fixes[0] if fixes else "check their units, the radius and the track, or do the wheels slip?"
     yield Finding("error", f"the wheels turn the robot {faster:.3g} times as fast as the gyro", fix)
+
+
+def fitting_units(robot: Robot, faster: float) -> tuple[list[Scale], list[Scale]]:
+    """Other units of the wheels, and of the gyro, in which both turn the robot alike; see `faster_than_gyro`."""
+    wheels = scales_of(_OF_WHEELS, robot.wheel.radius_m)
+    return (
+        [scale for scale in wheels if _fits(robot, scale.factor * faster)],
+        [scale for scale in scales_of(_OF_GYRO) if _fits(robot, faster / scale.factor)],
+    )
 
 
 def _fits(robot: Robot, faster: float) -> bool:
