@@ -163,9 +163,13 @@ def test_a_gyro_that_only_has_noise_shows_no_unit():
     assert texts(RLMA, replace(log, wheel_speed_rad_s=np.full((TIME.size, 4), 3.0), yaw_rate_rad_s=noise)) == []
 
 
-def test_a_gyro_of_another_axis_and_one_that_clips():
-    other = good(TWO, yaw_rate_rad_s=0.01 * np.sin(9.0 * TIME))
-    assert any("it measures another axis, or is dead" in text for text in texts(TWO, other))
+@pytest.mark.parametrize("robot", [TWO, SCRUBBING], ids=["rolls", "scrubs"])
+def test_a_gyro_of_another_axis(robot):
+    other = good(robot, yaw_rate_rad_s=0.01 * np.sin(9.0 * TIME))
+    assert any("it measures another axis, or is dead" in text for text in texts(robot, other))
+
+
+def test_a_gyro_that_clips():
     clips = good(TWO, speed_m_s=None)
     fast, rate = 10.0 * clips.wheel_speed_rad_s, 10.0 * np.asarray(clips.yaw_rate_rad_s)
     clips = replace(clips, wheel_speed_rad_s=fast, yaw_rate_rad_s=np.clip(rate, -4.0, 4.0))

@@ -18,7 +18,7 @@ from ohmward.signals.checks import Finding, Place, Scale, rescale, scales_of
 from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S
 from ohmward.traction.odometry.measured_motion import may_scrub
-from ohmward.traction.odometry.turn_watch import OTHER_UNIT_RATIO
+from ohmward.traction.odometry.turn_watch import LEAST_SHARE, OTHER_UNIT_RATIO
 from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
@@ -158,13 +158,14 @@ def faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
 
 
 def hides_turns(robot: Robot, motion: SensedMotion) -> bool:
-    """True where the gyro of a robot that cannot scrub shows nearly none of the turns by its wheels."""
-    scale = MotionCheck(robot).scale
-    by_wheels, rate = (np.abs(values) / scale for values in turns(robot, motion))
-    turning = by_wheels > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S
-    hidden = turning & (rate < COUNTED_TURN_RAD_S)
-    enough = not may_scrub(robot) and np.count_nonzero(turning) >= FEWEST_VALUES
-    return bool(enough and np.count_nonzero(hidden) > HIDDEN_SHARE * np.count_nonzero(turning))
+    """True where the gyro shows nearly none of the turns by the wheels, on the mean of all where these may scrub."""
+    by_wheels, rate = turns(robot, motion) / MotionCheck(robot).scale
+    turning = np.abs(by_wheels) > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S
+    if np.count_nonzero(turning) < FEWEST_VALUES:
+        return False
+    if may_scrub(robot):
+        return bool(abs(np.mean(rate[turning] / by_wheels[turning])) < LEAST_SHARE)
+    return bool(np.mean(np.abs(rate[turning]) < COUNTED_TURN_RAD_S) > HIDDEN_SHARE)
 
 
 def turns(robot: Robot, motion: SensedMotion) -> np.ndarray:

@@ -9,9 +9,11 @@ import pytest
 from ohmward.trace import Kernel, where
 from ohmward.traction import RLMA, load_robot
 from ohmward.traction.motion.sample import LONGEST_STEP_S, no_sample, sanitize
+from ohmward.traction.motion.stuck_sensors import GyroWatch, watch_gyro
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.odometry.turn_watch import (
+    LEAST_SHARE,
     MOST_SPINS_RAD,
     MOST_WRONG_S,
     REVERSED_S,
@@ -39,10 +41,12 @@ def watched(turn, gyro, robot=RLMA, signs=1.0, speed_m_s=0.5):
     given = nothing._replace(dt_s=np.full(turn.size, DT_S), wheel_speed_rad_s=speeds, yaw_rate_rad_s=gyro)
 
     def step(before, sample):
-        after = watch_turn(before, sanitize(sample, LONGEST_STEP_S), sample.dt_s, robot)
-        return after, where(np.array([after.wrong, after.some_reversed, after.way_open]), 1.0, 0.0)
+        clean = sanitize(sample, LONGEST_STEP_S)
+        gyro = watch_gyro(before[1], clean, robot)
+        after = watch_turn(before[0], clean, sample.dt_s, gyro.average_rad_s, robot)
+        return (after, gyro), where(np.array([after.wrong, after.some_reversed, after.way_open]), 1.0, 0.0)
 
-    first = watch_of_turn(robot)
+    first = watch_of_turn(robot), GyroWatch()
     return Kernel(step, first, nothing).scan(first, given)[1].T > 0.5
 
 
@@ -73,11 +77,13 @@ def test_a_gyro_in_degrees_per_second_is_found_from_the_start_and_after_it_was_r
 
 @pytest.mark.parametrize("robot", [TWO, RLMA], ids=["cannot scrub", "scrubs"])
 @pytest.mark.parametrize("from_s", [5.0, 20.0])
-def test_a_gyro_of_another_axis_is_found_on_a_robot_that_cannot_scrub(robot, from_s):
+def test_a_gyro_of_another_axis_is_found_from_the_start_later_where_wheels_scrub(robot, from_s):
     found, *_ = watched(winding(), np.where(from_s <= TIME_S, 0.01, 1.0) * winding(), robot)
     if robot is TWO and from_s == 5.0:
         assert since(found) == pytest.approx(from_s + WRONG_S / UNSHOWN_COUNTS, abs=2.0 * DT_S)
-    else:  # wheels spin for a while, or scrub
+    elif from_s == 5.0:  # the mean of 1 over a second and of the gyro's share since then
+        assert since(found) == pytest.approx(from_s + (1.0 - LEAST_SHARE) / (LEAST_SHARE - 0.01), abs=1.0)
+    else:  # wheels spin for a while
         assert not found.any()
 
 

@@ -447,7 +447,7 @@ def watch_sensors(before: Watches, clean: CleanSample, robot: Robot) -> tuple[Cl
     since_s = before.gyro.wheel_age_s + clean.dt_s
     clean, encoders = without_stopped(clean, before.encoders, robot)
     clean, gyro = without_stuck_gyro(clean, before.gyro, robot)
-    turn = watch_turn(before.turn, clean, since_s, robot)
+    turn = watch_turn(before.turn, clean, since_s, gyro.average_rad_s, robot)
     clean = without_wrong(clean, turn, robot)
     clean, speed = without_stuck_speed(clean, before.speed, since_s, robot)
     return clean, Watches(gyro, encoders, turn, speed)

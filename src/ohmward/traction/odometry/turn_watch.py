@@ -4,7 +4,8 @@ The gyro's yaw rate over that of the wheels is 1, less where wheels scrub or sli
 
 A gyro is wrong if it is about -1, or beyond what any slip explains, for `WRONG_S` longer than it is right. Beyond, its
 unit is wrong, and the wheels have turned the robot since both agreed. So it is about 0 on a robot that cannot scrub,
-where it measures another axis; this takes longer, as wheels may spin. About -1, it is mirrored, or the wheels' sides
+where it measures another axis; this takes longer, as wheels may spin. On one that scrubs it is about 0.1 at least, on
+snow: there the mean over all turns decides. About -1, it is mirrored, or the wheels' sides
 are exchanged: which of them cannot be known, and the turn since then is as uncertain as what lies between them.
 
 An encoder, or those of a side, count the other way if the gyro contradicts the wheels for `REVERSED_S` longer than it
@@ -21,7 +22,7 @@ import numpy as np
 
 from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import clip, isfinite, logical_not, maximum, where
+from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Condition, Scalar
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S, RIGHT_SHARE, is_share
@@ -42,6 +43,10 @@ OTHER_UNIT_RATIO, SCALED_COUNTS = 3.0, 4.0
 #: Share by which a second counts in which the gyro does not show a turn of the wheels: these may spin.
 UNSHOWN_COUNTS = 0.2
 
+#: Least mean share of the turns of wheels that scrub which a gyro shows, either way, and least and most time [s] in the
+#: mean. Before the first turn it is 1, as if over a second.
+LEAST_SHARE, LEAST_SHARE_S, MOST_SHARE_S = 0.03, 30.0, 600.0
+
 #: Turn [rad] on the spot, beyond that on the way, from which a robot without a gyro may drive straight on.
 MOST_SPINS_RAD = 6.0 * np.pi
 
@@ -54,6 +59,8 @@ class TurnWatch(NamedTuple):
     scaled_s: Any = 0.0  #: time for which it was too large, less that for which it was mirrored
     against_s: Any = 0.0  #: time since wheels and gyro last agreed for which they have contradicted each other
     encoder_s: Any = 0.0  #: the same, where an encoder that counts the other way explains it
+    share: Any = 1.0  #: mean of the gyro over the wheels in turns, where these scrub
+    share_s: Any = 1.0  #: time in that mean
     spins_rad: Any = 0.0  #: turn on the spot, less that of as much way, without a gyro
     #: since wheels and gyro last agreed
     apart_rad: Any = 0.0  #: turn by the wheels less that by the gyro
@@ -64,13 +71,18 @@ class TurnWatch(NamedTuple):
 
     @property
     def wrong(self) -> Scalar:
-        """The condition that the gyro is mirrored, or the wheels' sides are exchanged, or its unit is wrong."""
-        return self.wrong_s > WRONG_S
+        """The condition that the gyro is mirrored, or the wheels' sides are exchanged, or its unit or axis is wrong."""
+        return (self.wrong_s > WRONG_S) | self.hidden
+
+    @property
+    def hidden(self) -> Scalar:
+        """The condition that the gyro measures another axis than that about which wheels that scrub turn the robot."""
+        return (abs(self.share) < LEAST_SHARE) & (self.share_s > LEAST_SHARE_S)
 
     @property
     def scaled(self) -> Scalar:
-        """The condition that, if the gyro is wrong, its unit is."""
-        return self.scaled_s > 0.0
+        """The condition that, if the gyro is wrong, its unit or axis is."""
+        return (self.scaled_s > 0.0) | self.hidden
 
     @property
     def reversed(self) -> list[Scalar]:
@@ -129,11 +141,18 @@ def watch_of_turn(robot: Robot) -> TurnWatch:
     return TurnWatch(np.zeros(len(slip_modes(robot))))
 
 
-def watch_turn(before: TurnWatch, clean: CleanSample, since_s: Scalar, robot: Robot) -> TurnWatch:
-    """The watch after a sample, which comes so long after the last speeds of all wheels."""
+def watch_turn(
+    before: TurnWatch, clean: CleanSample, since_s: Scalar, average_rad_s: Scalar, robot: Robot
+) -> TurnWatch:
+    """The watch after a sample, which comes so long after the last speeds of all wheels.
+
+    average_rad_s: yaw rate by the wheels, averaged so that quantisation does not count.
+    """
     rates = yaw_rates(before, clean, robot)
     evidence = compare(rates, robot)
     counted = count_evidence(before, evidence, since_s)
+    if may_scrub(robot):
+        counted = average_share(counted, rates, evidence, average_rad_s, since_s)
     after = count_turn(counted, rates, where(rates.rolled, since_s, 0.0), robot)
     agrees = evidence.right & (after.against_s <= 0.0)
     since_now = after._replace(scaled_s=0.0, apart_rad=0.0, most_rad=0.0, turned_rad=0.0, way_m=0.0, agrees=1.0)
@@ -203,6 +222,23 @@ def count_evidence(before: TurnWatch, evidence: TurnEvidence, since_s: Scalar) -
         against_s=clip(before.against_s + against_s, 0.0, MOST_WRONG_S),
         encoder_s=clip(before.encoder_s + encoder_s, 0.0, MOST_WRONG_S),
     )
+
+
+def average_share(
+    before: TurnWatch, rates: YawRates, evidence: TurnEvidence, average_rad_s: Scalar, since_s: Scalar
+) -> TurnWatch:
+    """The watch with the share of a turn by wheels that scrub which the gyro shows.
+
+    Noise and offset of a gyro that shows none cancel in turns to both sides; one that shows a turn may be mirrored.
+    """
+    turns = rates.rolled & rates.measured & (abs(average_rad_s) > OTHER_UNIT_RATIO * COUNTED_TURN_RAD_S)
+    turns = turns & logical_not(some([evidence.encoder, before.some_reversed]))
+    share = where(turns, rates.gyro_rad_s, 0.0) / where(turns, average_rad_s, 1.0)
+    share = where(evidence.turning, abs(share), share)
+    counted_s = where(turns, since_s, 0.0)
+    share_s = before.share_s + counted_s
+    mean = before.share + counted_s / share_s * (share - before.share)
+    return before._replace(share=mean, share_s=minimum(share_s, MOST_SHARE_S))
 
 
 def count_turn(before: TurnWatch, rates: YawRates, dt_s: Scalar, robot: Robot) -> TurnWatch:
