@@ -57,31 +57,28 @@ class ImmobilisedEpisode(NamedTuple):
 
 def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
     """Slip episodes in order of time; wheels: names of the driven wheels."""
-    found = []
+    e, found = track.estimates, []
     for k, wheel in enumerate(wheels):
-        speed, ratio = track.estimates.slip_speed_m_s[:, k], track.estimates.slip_ratio[:, k]
-        for first, last in _joined_runs(track.time_s, track.estimates.slipping[:, k] > 0.5):
-            part = slice(first, last + 1)
-            start_s, end_s = float(track.time_s[first]), float(track.time_s[last])
-            found.append(SlipEpisode(wheel, start_s, end_s, _greatest(speed[part]), _greatest(ratio[part])))
+        found += _episodes_of(wheel, track.time_s, e.slipping[:, k] > 0.5, e.slip_speed_m_s[:, k], e.slip_ratio[:, k])
     return sorted(found, key=lambda episode: episode.start_s)
 
 
 def robot_episodes(track: FloorRun) -> list[SlipEpisode]:
     """Episodes in which a robot on learnt floors slips more than allowed along its way, with 95 % confidence."""
     slip, std = np.nan_to_num(track.travel_slip), np.nan_to_num(track.travel_slip_std)
-    speed = slip * travel_speed(track.rim)
     alarm = slip - SlipAlarm().allowed_ratio > ONE_SIDED_95 * std
-    return [
-        SlipEpisode(
-            "robot",
-            float(track.time_s[first]),
-            float(track.time_s[last]),
-            _greatest(speed[first : last + 1]),
-            _greatest(slip[first : last + 1]),
-        )
-        for first, last in _joined_runs(track.time_s, alarm)
-    ]
+    return _episodes_of("robot", track.time_s, alarm, slip * travel_speed(track.rim), slip)
+
+
+def _episodes_of(
+    wheel: str, time_s: np.ndarray, alarm: np.ndarray, speed_m_s: np.ndarray, ratio: np.ndarray
+) -> list[SlipEpisode]:
+    """Episodes of alarms (T,) with the largest slip in each."""
+    found = []
+    for first, last in _joined_runs(time_s, alarm):
+        greatest = (_greatest(values[first : last + 1]) for values in (speed_m_s, ratio))
+        found.append(SlipEpisode(wheel, float(time_s[first]), float(time_s[last]), *greatest))
+    return found
 
 
 def immobilised_episodes(track: SlipRun) -> list[ImmobilisedEpisode]:

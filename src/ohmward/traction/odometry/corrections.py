@@ -33,7 +33,6 @@ from ohmward.traction.odometry.model import (
     DELAY,
     HEADING_ZERO,
     INCREMENT_SCALE,
-    NAMES,
     OFFSET,
     SIDE_SLIP,
     SLIP,
@@ -46,6 +45,7 @@ from ohmward.traction.odometry.model import (
     X,
     Y,
     twist,
+    vector,
     yaw_now,
 )
 from ohmward.traction.odometry.modes import LEAST_STEP_S
@@ -264,7 +264,7 @@ def use_turn(body: PoseCorrection, u: MotionInput, fresh: Scalar, gate: float, r
     behind_s = behind * (body.belief.mean[DELAY] + body.belief.mean[AHEAD])
     of_rates = where(stood, 2.0, 1.0) * u.gyro_variance / maximum(u.dt_s, LEAST_STEP_S)
     variance = counted + by_noise + behind_s * behind_s * of_rates + STILL_TURN_RAD**2
-    shared = np.array([{YAW: -by_noise, APART: by_noise}.get(i, 0.0) for i in range(len(NAMES))])
+    shared = vector({YAW: -by_noise, APART: by_noise})
 
     def difference(x: np.ndarray) -> np.ndarray:
         late_s = x[DELAY] + x[AHEAD]
@@ -316,8 +316,7 @@ def with_other_offset(belief: Belief, rad_s: Scalar, rejected_s: Scalar, time_s:
 
     time_s: since their last comparison.
     """
-    shares = {OFFSET: 1.0, YAW: -rejected_s, APART: time_s}
-    change = np.array([rad_s * shares.get(i, 0.0) for i in range(len(NAMES))])
+    change = vector({OFFSET: rad_s, YAW: -rejected_s * rad_s, APART: time_s * rad_s})
     return Belief(belief.mean, belief.cov + np.outer(change, change))
 
 
@@ -410,7 +409,7 @@ def use_forward_speed(
 def moved_back(belief: Belief, way_m: Scalar, u: MotionInput) -> Belief:
     """The belief moved back by this distance, which is known to within a third of it."""
     yaw = yaw_now(belief.mean, u)
-    back = np.array([{X: cos(yaw), Y: sin(yaw)}.get(i, 0.0) * way_m for i in range(len(NAMES))])
+    back = vector({X: way_m * cos(yaw), Y: way_m * sin(yaw)})
     return Belief(belief.mean - back, belief.cov + np.outer(back, back) / 9.0)
 
 

@@ -12,7 +12,7 @@ from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import TINY
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.odometry.model import OFFSET, YAW, X, Y
+from ohmward.traction.odometry.model import OFFSET, YAW, X, Y, vector
 
 #: Weights of the third difference, and the sum of their squares.
 WEIGHTS = np.array([1.0, -3.0, 3.0, -1.0])
@@ -136,7 +136,6 @@ def learn_offset_walk(known: OffsetWalk, belief: Belief, dt_s: Scalar, offset_wa
     likely = (known.probability + changes * (WALK_PRIOR - known.probability)) * exp(logs - reduce(maximum, logs))
     found = OffsetWalk(likely / likely.sum(), 0.0, P[OFFSET, OFFSET], x[OFFSET], x[X], x[Y])
     larger = where(ends, maximum(found.variance(offset_walk) - q, 0.0), 0.0)
-    turn = {X: (known.y_m - x[Y]) / 2.0, Y: (x[X] - known.x_m) / 2.0, YAW: 1.0}
-    turned = np.array([turn.get(i, 0.0) for i in range(len(x))])
+    turned = vector({X: (known.y_m - x[Y]) / 2.0, Y: (x[X] - known.x_m) / 2.0, YAW: 1.0})
     widened = Belief(x, P + larger * time_s * time_s * time_s / 12.0 * np.outer(turned, turned))
     return choose(ends, found, known._replace(time_s=time_s)), widened

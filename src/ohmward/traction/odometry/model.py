@@ -26,6 +26,7 @@ those correlated over seconds, and white ones.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -257,11 +258,15 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         TURN_SLIP: 1.0,
         SPEED_ERROR: 1.0,
     }
-    mean = np.array([-noise.scrub if i == TURN_SCALE else 0.0 for i in range(len(NAMES))])
-    cov = np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))])
+    mean, cov = vector({TURN_SCALE: -noise.scrub}), np.diag(vector(stds) ** 2)
     cov[TURN_SCALE, TURN_SCALE] += cov[GYRO_SCALE, GYRO_SCALE]
     cov[TURN_SCALE, GYRO_SCALE] = cov[GYRO_SCALE, TURN_SCALE] = -cov[GYRO_SCALE, GYRO_SCALE]
     return Belief(mean, cov)
+
+
+def vector(values: Mapping[int, Any]) -> np.ndarray:
+    """Vector (n,) with these elements, zero elsewhere."""
+    return np.array([values.get(i, 0.0) for i in range(len(NAMES))])
 
 
 def twist(x: np.ndarray, u: MotionInput) -> np.ndarray:

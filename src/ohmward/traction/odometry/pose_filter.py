@@ -85,7 +85,6 @@ from ohmward.traction.odometry.measured_motion import (
 from ohmward.traction.odometry.model import (
     CURVATURE,
     GROSS_SLIP,
-    NAMES,
     OFFSET,
     RADIUS,
     SLIP,
@@ -103,6 +102,7 @@ from ohmward.traction.odometry.model import (
     position_std,
     process_noise,
     twist,
+    vector,
     yaw_now,
 )
 from ohmward.traction.odometry.modes import lever_m
@@ -476,26 +476,24 @@ def with_turn_of_wheels(belief: Belief, watch: TurnWatch, agreed: Agreed, noise:
     """
     first = forget(belief, TURN_SCALE, agreed.turn_scale_variance, agreed.turn_scale)
     yaw_rad = agreed.yaw_rad + watch.turned_rad * (1.0 + agreed.turn_scale)
-    mean = {YAW: yaw_rad - belief.mean[YAW]}
     across = missed_variance(where(watch.scaled, watch.most_rad, 0.0), watch.way_m)
     by_scale = agreed.turn_scale_variance + noise.turn_share**2
     variance = {X: across[0], Y: across[1], YAW: watch.turned_rad**2 * by_scale}
-    added = [np.array([of.get(i, 0.0) for i in range(len(NAMES))]) for of in (mean, variance)]
-    return Belief(first.mean + added[0], first.cov + np.diag(added[1]))
+    return Belief(first.mean + vector({YAW: yaw_rad - belief.mean[YAW]}), first.cov + np.diag(vector(variance)))
 
 
 def moved_on(belief: Belief, way_m: np.ndarray) -> Belief:
     """The belief after a stuck outside speed, which has held it back by this distance (2,), known to a third of it."""
     free = forget(forget(belief, SLIP, 1.0), SPEED_ERROR, 1.0)
-    way = np.array([*way_m, *[0.0] * (len(NAMES) - 2)])
+    way = vector({X: way_m[0], Y: way_m[1]})
     return Belief(free.mean + way, free.cov + np.outer(way, way) / 9.0)
 
 
 def with_lost_way(belief: Belief, watch: TurnWatch, agreed: Agreed) -> Belief:
     """The belief without the way and the scale that encoders have shown since they began to count the other way."""
     first = forget(forget(belief, TURN_SCALE, agreed.turn_scale_variance, agreed.turn_scale), SLIP, 1.0)
-    lost = np.array([watch.way_m if i in (X, Y) else 0.0 for i in range(len(NAMES))])
-    return Belief(first.mean, first.cov + np.diag(lost * lost))
+    variance = watch.way_m * watch.way_m
+    return Belief(first.mean, first.cov + np.diag(vector({X: variance, Y: variance})))
 
 
 def some_silent(encoders: EncoderWatch, sensors: MotionState, robot: Robot) -> Scalar:
@@ -549,7 +547,7 @@ def with_unlike_wheels(belief: Belief, std_1_m: Scalar) -> tuple[Belief, Scalar]
 def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
     """The belief after a gyro that may have been stuck, so that the turn by the wheels since then may be missed."""
     variance = missed_variance(missed_turn(belief.mean, watch, yaw_rad), watch.rims_m)
-    return Belief(belief.mean, belief.cov + np.diag(np.array([*variance, *[0.0] * (len(NAMES) - len(variance))])))
+    return Belief(belief.mean, belief.cov + np.diag(vector(dict(enumerate(variance)))))
 
 
 def with_missed_turn(belief: Belief, watch: GyroWatch, found: Scalar, yaw_rad: Scalar, noise: OdometryNoise) -> Belief:
@@ -559,9 +557,8 @@ def with_missed_turn(belief: Belief, watch: GyroWatch, found: Scalar, yaw_rad: S
     yaw_rad: yaw at that change.
     """
     missed_rad = missed_turn(belief.mean, watch, yaw_rad)
-    across_variance = missed_variance(missed_rad, watch.rims_m)[0]
-    added = {X: across_variance, Y: across_variance, YAW: (noise.turn_share * watch.wheels_rad) ** 2}
-    Q = np.diag(np.array([added.get(i, 0.0) for i in range(len(NAMES))]))
+    across = missed_variance(missed_rad, watch.rims_m)
+    Q = np.diag(vector({X: across[0], Y: across[1], YAW: (noise.turn_share * watch.wheels_rad) ** 2}))
 
     def turned(x: np.ndarray) -> np.ndarray:
         by_scale = watch.wheels_rad * (x[TURN_SCALE] - belief.mean[TURN_SCALE])
