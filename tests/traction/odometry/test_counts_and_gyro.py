@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
@@ -26,7 +27,7 @@ from ohmward.traction.odometry.model import (
     TURN_SCALE,
     OdometryNoise,
 )
-from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter, with_unlike_wheels
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, INDOOR, TRACK_M, integrate, samples, scan, stop_and_go
@@ -293,3 +294,22 @@ def test_the_position_is_that_of_the_middle_of_the_driven_axle():
         pose = odometry.update(0.02 * k, wheel_speed_rad_s=[-rim_rad_s, rim_rad_s])
     assert pose.yaw_rad == pytest.approx(0.02 * 499 * turn_rad_s, rel=0.01)
     assert (pose.x_m, pose.y_m) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_wider_prior_of_unlike_wheels_is_as_if_from_the_start():
+    """Of the curvature, whatever has been measured of it together with the offset and the yaw."""
+    rng, std_1_m = np.random.default_rng(7), 0.002
+
+    def measured(std_1_m):
+        variances = np.ones(len(NAMES))
+        variances[CURVATURE] = std_1_m**2
+        prior = Belief(np.zeros(len(NAMES)), np.diag(variances))
+        return kalman.correct(prior, np.array([5.0, 6.0, 4.0]), H, 0.01 * np.eye(3)).belief
+
+    H = 0.1 * rng.standard_normal((3, len(NAMES)))
+    H[:, CURVATURE] = 500.0
+    found, wider_1_m = with_unlike_wheels(measured(std_1_m), std_1_m)
+    expected = measured(2.0 * std_1_m)
+    assert wider_1_m == 2.0 * std_1_m
+    assert_allclose(found.mean, expected.mean, rtol=1e-9)
+    assert_allclose(found.cov, expected.cov, atol=1e-9)

@@ -538,10 +538,20 @@ def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
 
 
 def with_unlike_wheels(belief: Belief, std_1_m: Scalar) -> tuple[Belief, Scalar]:
-    """The belief, and the standard deviation of the curvature, doubled once wheels prove more unlike than that."""
-    unlike = abs(belief.mean[CURVATURE]) > UNLIKE_SIGMAS * std_1_m
-    doubled_1_m = where(unlike, 2.0 * std_1_m, std_1_m)
-    return inflate(belief, CURVATURE, doubled_1_m * doubled_1_m - std_1_m * std_1_m), doubled_1_m
+    """The belief, and the standard deviation s of the curvature, doubled once wheels prove more unlike than that.
+
+    The wider prior N(0, 4 s^2) takes the place of N(0, s^2) from the start, with e the direction of the curvature:
+
+        x+ = x + P e e'x / r,   P+ = P + P e e'P / r,   r = 4 s^2 / 3 - e'P e
+
+    So the gyro's offset and the pose change by what they owe to wheels that were taken for too much alike.
+    """
+    x, P = belief
+    unlike, variance = abs(x[CURVATURE]) > UNLIKE_SIGMAS * std_1_m, std_1_m * std_1_m
+    r = maximum(4.0 / 3.0 * variance - P[CURVATURE, CURVATURE], variance / 3.0)
+    gain = P[:, CURVATURE] * where(unlike, 1.0 / r, 0.0)
+    after = Belief(x + gain * x[CURVATURE], mirror_lower(P + np.outer(gain, P[CURVATURE])))
+    return after, where(unlike, 2.0 * std_1_m, std_1_m)
 
 
 def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
