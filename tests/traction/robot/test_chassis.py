@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, Differential, Mecanum, Omni, SkidSteer
-from ohmward.traction.robot.chassis import load_matrix, rolling_matrix, sideways_matrix
+from ohmward.traction.robot.chassis import load_matrix, rolling_matrix
 from ohmward.traction.robot.robot import motion_from_wheels, wheel_speeds
 from traction.examples import ROBOTS
 
@@ -27,7 +27,7 @@ def velocity(place, motion):
 def test_wheels_move_as_points_of_a_rigid_body(chassis, motion):
     motion = motion if len(chassis.freedoms) == 3 else (motion[0], 0.0, motion[2])
     free = np.array(motion)[[0, 2] if len(chassis.freedoms) == 2 else [0, 1, 2]]
-    along, across = rolling_matrix(chassis) @ free, sideways_matrix(chassis) @ free
+    along, across = rolling_matrix(chassis) @ free, rolling_matrix(chassis, math.pi / 2) @ free
     for place, u, w in zip(chassis.places, along, across, strict=True):
         c, s = math.cos(place.heading_rad), math.sin(place.heading_rad)
         np.testing.assert_allclose(np.array([[c, s], [-s, c]]) @ velocity(place, motion), [u, w], atol=1e-12)

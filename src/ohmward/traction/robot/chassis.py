@@ -8,9 +8,10 @@ transpose of G, so no power is lost or created between wheel and body.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -31,27 +32,22 @@ class Place(NamedTuple):
     driven: bool = True
 
 
-class Chassis(Protocol):
-    """A layout of wheels.
+class Chassis(ABC):
+    """A layout of wheels."""
 
-    freedoms: motions that the body can make, a subset of `PLANAR`.
-    scrubs:   True if the wheels resist sideways motion, by the same friction law as along their rolling direction.
-    rollers:  True if rollers on the wheels let them move sideways.
-    places:   the wheels, the driven ones first.
-    """
-
-    freedoms: ClassVar[tuple[str, ...]]
-    scrubs: ClassVar[bool]
-    rollers: ClassVar[bool]
+    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])  #: motions that the body can make
+    #: True if the wheels resist sideways motion, by the same friction law as along their rolling direction
+    scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = False  #: True if rollers on the wheels let them move sideways
 
     @property
+    @abstractmethod
     def places(self) -> tuple[Place, ...]:
-        """The wheels."""
-        ...
+        """The wheels, the driven ones first."""
 
 
 @dataclass(frozen=True)
-class Rectangle:
+class Rectangle(Chassis):
     """Four wheels at the corners of a rectangle."""
 
     #: distances of front and rear axle from the centre of gravity, > 0
@@ -67,14 +63,15 @@ class Rectangle:
         """Distance between the axles."""
         return self.front_m + self.rear_m
 
-    def corners(self, all_driven: bool) -> tuple[Place, ...]:
-        """Front left, front right, rear left, rear right; the front ones are driven."""
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Front left, front right, rear left, rear right."""
         half = self.track_m / 2
         return (
             Place("front_left", self.front_m, half),
             Place("front_right", self.front_m, -half),
-            Place("rear_left", -self.rear_m, half, driven=all_driven),
-            Place("rear_right", -self.rear_m, -half, driven=all_driven),
+            Place("rear_left", -self.rear_m, half),
+            Place("rear_right", -self.rear_m, -half),
         )
 
 
@@ -84,10 +81,6 @@ class Differential(Rectangle):
 
     driven: str = "front"  #: "front" or "all"
 
-    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
-    scrubs: ClassVar[bool] = False
-    rollers: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.driven not in ("front", "all"):
@@ -96,7 +89,7 @@ class Differential(Rectangle):
     @property
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
-        return self.corners(self.driven == "all")
+        return tuple(p._replace(driven=p.x_m > 0.0 or self.driven == "all") for p in super().places)
 
 
 @dataclass(frozen=True)
@@ -108,9 +101,8 @@ class SkidSteer(Rectangle):
     #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`; the odometry then begins with 1.5 times that
     effective_track_m: float | None = None
 
-    freedoms: ClassVar[tuple[str, ...]] = PLANAR
-    scrubs: ClassVar[bool] = True
-    rollers: ClassVar[bool] = False
+    freedoms = PLANAR
+    scrubs = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -122,24 +114,15 @@ class SkidSteer(Rectangle):
         """The effective track, or the track where none is known."""
         return self.effective_track_m or self.track_m
 
-    @property
-    def places(self) -> tuple[Place, ...]:
-        """Front left, front right, rear left, rear right."""
-        return self.corners(all_driven=True)
-
 
 @dataclass(frozen=True)
-class TwoWheeled:
+class TwoWheeled(Chassis):
     """Two driven wheels and casters, which swivel: they carry and roll, and neither steer nor count."""
 
     axle_m: float  #: position of the driven wheels ahead of the centre of gravity; < 0 behind it
     track_m: float  #: distance between left and right wheel, > 0
     #: position of each caster ahead of the centre of gravity, on the centre line; two side by side count as one
     casters_m: tuple[float, ...]
-
-    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
-    scrubs: ClassVar[bool] = False
-    rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         require_positive("chassis.track_m", self.track_m)
@@ -161,7 +144,7 @@ class TwoWheeled:
 
 
 @dataclass(frozen=True)
-class Steered:
+class Steered(Chassis):
     """A car or a tricycle with the speed of one wheel or axle and a steering angle, but no encoders at its rear wheels.
 
     The rear wheels, which do not steer, roll about the point where their axis meets that of the steered one: a wheel
@@ -176,10 +159,6 @@ class Steered:
     #: where the speed is measured: "rear", of the rear axle, as by the motor of a car; "front", of the steered wheel
     measured: str = "rear"
     steering_zero_rad: float = 0.0  #: measured steering angle with which the robot drives straight ahead
-
-    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
-    scrubs: ClassVar[bool] = False
-    rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         require_each_positive("chassis.", self, "rear_m", "wheelbase_m", "track_m")
@@ -221,16 +200,15 @@ class Steered:
 
 
 @dataclass(frozen=True)
-class Omni:
+class Omni(Chassis):
     """Omni-wheels on a circle around the centre of gravity, each rolling along the circle and free sideways."""
 
     arm_m: float  #: radius of the circle of the wheels, > 0
     #: directions of the wheels from the centre, counter-clockwise from forward; at least three, not all on one line
     bearings_deg: tuple[float, ...] = (60.0, 180.0, 300.0)
 
-    freedoms: ClassVar[tuple[str, ...]] = PLANAR
-    scrubs: ClassVar[bool] = False
-    rollers: ClassVar[bool] = True
+    freedoms = PLANAR
+    rollers = True
 
     def __post_init__(self) -> None:
         require_positive("chassis.arm_m", self.arm_m)
@@ -259,16 +237,14 @@ class Mecanum(Rectangle):
     that smaller radius.
     """
 
-    freedoms: ClassVar[tuple[str, ...]] = PLANAR
-    scrubs: ClassVar[bool] = False
-    rollers: ClassVar[bool] = True
+    freedoms = PLANAR
+    rollers = True
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
         return tuple(
-            place._replace(heading_rad=-math.copysign(math.pi / 4, place.x_m * place.y_m))
-            for place in self.corners(all_driven=True)
+            place._replace(heading_rad=-math.copysign(math.pi / 4, place.x_m * place.y_m)) for place in super().places
         )
 
 
@@ -277,16 +253,16 @@ def currents_show_force(chassis: Chassis) -> bool:
     return not (chassis.scrubs or isinstance(chassis, Steered))
 
 
-def rolling_matrix(chassis: Chassis) -> np.ndarray:
-    """G (wheels, freedoms): travel speed of each wheel along its rolling direction, for each motion of the body."""
-    rows = [_row(p.x_m, p.y_m, p.heading_rad) for p in chassis.places]
-    return _free_columns(np.array(rows).reshape(-1, 3), chassis)
+def rolling_matrix(chassis: Chassis, turned_rad: float = 0.0) -> np.ndarray:
+    """G (wheels, freedoms): travel speed of each wheel along its rolling direction, for each motion of the body.
 
-
-def sideways_matrix(chassis: Chassis) -> np.ndarray:
-    """(wheels, freedoms): travel speed of each wheel to its left, for each motion of the body."""
-    rows = [_row(p.x_m, p.y_m, p.heading_rad + math.pi / 2) for p in chassis.places]
-    return _free_columns(np.array(rows).reshape(-1, 3), chassis)
+    turned_rad: of another direction, counted from the rolling one to the left.
+    """
+    rows = []
+    for p in chassis.places:
+        c, s = math.cos(p.heading_rad + turned_rad), math.sin(p.heading_rad + turned_rad)
+        rows.append((c, s, p.x_m * s - p.y_m * c))
+    return np.array(rows).reshape(-1, 3)[:, [PLANAR.index(name) for name in chassis.freedoms]]
 
 
 def load_matrix(places: Sequence[Place]) -> np.ndarray:
@@ -297,12 +273,3 @@ def load_matrix(places: Sequence[Place]) -> np.ndarray:
     """
     moments = np.array([[1.0, p.x_m, p.y_m] for p in places])
     return np.linalg.solve(moments.T @ moments, moments.T).T
-
-
-def _row(x: float, y: float, heading: float) -> tuple[float, float, float]:
-    c, s = math.cos(heading), math.sin(heading)
-    return c, s, x * s - y * c
-
-
-def _free_columns(planar: np.ndarray, chassis: Chassis) -> np.ndarray:
-    return planar[:, [PLANAR.index(name) for name in chassis.freedoms]]

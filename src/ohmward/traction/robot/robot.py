@@ -28,7 +28,6 @@ from ohmward.traction.robot.chassis import (
     TwoWheeled,
     load_matrix,
     rolling_matrix,
-    sideways_matrix,
 )
 from ohmward.traction.robot.motor import Motor
 
@@ -133,8 +132,8 @@ class Robot(RichDisplay):
 
     @cached_property
     def sideways(self) -> np.ndarray:
-        """(wheels, freedoms), see `chassis`."""
-        return sideways_matrix(self.chassis)
+        """(wheels, freedoms): travel speed of each wheel to its left, for each motion of the body."""
+        return rolling_matrix(self.chassis, math.pi / 2)
 
     @cached_property
     def loads(self) -> np.ndarray:
