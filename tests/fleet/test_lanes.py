@@ -13,7 +13,7 @@ from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import ESTIMATORS, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
+from ohmward.fleet.lanes import _parts, estimate_logs
 from ohmward.logs.log import Log
 
 NOISE = BatteryNoise()
@@ -72,4 +72,4 @@ def test_every_estimator_is_traced_once_for_all_batches(name):
     battery = generic_battery("nmc", 2.0)
     first: Any = make_estimator(name, battery)
     again: Any = make_estimator(name, battery)
-    assert _kernel(first, "python") is _kernel(again, "python")
+    assert SocEstimator(first, lowering="python").kernel is SocEstimator(again, lowering="python").kernel

@@ -7,9 +7,8 @@ samples without a measurement, and its estimates there are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
-from functools import lru_cache
-from typing import Any, cast
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +21,10 @@ from ohmward.battery.soc.estimator import (
     on_day,
     samples_of,
 )
-from ohmward.battery.soc.sample import INITIAL_SOC_STD, NO_SAMPLE, Estimator, SocEstimate, SocSample
+from ohmward.battery.soc.sample import INITIAL_SOC_STD, Estimator, SocEstimate, SocSample
 from ohmward.battery.soc.voltage_faults import wrong_starts
 from ohmward.filters.estimator import row_of
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel
 from ohmward.trace.structure import pick_lanes, side_by_side
 
 #: Most parts in which a batch of logs is run.
@@ -82,7 +80,7 @@ def _side_by_side(
     firsts = [row_of(samples[i], 0) for i in order]
     on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
     states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
-    kernel = _kernel(cast(Hashable, estimator), lowering)
+    kernel = SocEstimator(estimator, lowering=lowering).kernel
     state = side_by_side(states)
     parts = []
     for first, last, lanes in _parts(lengths):
@@ -91,21 +89,12 @@ def _side_by_side(
         parts.append(estimates)
     results: list[Any] = [None] * len(logs)
     for lane, (i, length) in enumerate(zip(order, lengths, strict=True)):
-        results[i] = SocEstimate(*(_of_lane(pieces, lane, length) for pieces in zip(*parts, strict=True)))
+        fields = []
+        for pieces in zip(*parts, strict=True):  # (T_k, B_k) each
+            whole = [piece[:, lane] for piece in pieces if lane < piece.shape[1]]
+            fields.append((whole[0] if len(whole) == 1 else np.concatenate(whole))[:length])
+        results[i] = SocEstimate(*fields)
     return results
-
-
-def _of_lane(pieces: Sequence[np.ndarray], lane: int, length: int) -> np.ndarray:
-    """(T,) one field of the estimates of a log, from the parts (T_k, B_k) in which the logs were run."""
-    whole = [piece[:, lane] for piece in pieces if lane < piece.shape[1]]
-    return (whole[0] if len(whole) == 1 else np.concatenate(whole))[:length]
-
-
-@lru_cache(maxsize=4)
-def _kernel(estimator: Any, lowering: str | None) -> Kernel:
-    """The step of an estimator, compiled once for all batches of a process."""
-    example = estimator.init(NO_SAMPLE)
-    return Kernel(estimator.step, example, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
 
 
 def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
