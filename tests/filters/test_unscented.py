@@ -15,6 +15,7 @@ from filters.examples import (
 from ohmward.errors import InputError
 from ohmward.filters import Belief, extended, kalman, unscented
 from ohmward.filters.unscented import Scaling
+from ohmward_lab.reproduce.unscented_textbook import sigma_points, sigma_weights, textbook_step
 
 TWO_R = np.array([[0.01, 0.002], [0.002, 0.03]])
 
@@ -23,8 +24,8 @@ SENSORS = [(height, PENDULUM_R), (two_outputs, TWO_R), (lambda x: x[:1], PENDULU
 
 
 def test_the_textbooks_sigma_points_and_weights_have_the_moments_of_the_belief():
-    points = unscented.sigma_points(PENDULUM)
-    w_mean, w_cov = unscented.sigma_weights(3)
+    points = sigma_points(PENDULUM)
+    w_mean, w_cov = sigma_weights(3)
     d = points - PENDULUM.mean
     assert largest_difference(PENDULUM, (w_mean @ points, d.T @ np.diag(w_cov) @ d)) < 1e-15
     np.testing.assert_allclose(points[1:4] - PENDULUM.mean, 0.85 * np.linalg.cholesky(3 * PENDULUM.cov).T, atol=1e-15)
@@ -87,7 +88,7 @@ def test_reusing_points_equals_the_textbook(h, R, scaling):
     belief = textbook = PENDULUM
     for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
         belief, innovation = unscented.step_reusing_points(belief, pendulum, h, y, PENDULUM_Q, R, scaling)
-        textbook, textbook_innovation = unscented.textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, scaling)
+        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, scaling)
     assert largest_difference(belief, textbook) < 1e-12
     assert largest_difference(innovation, textbook_innovation) < 1e-12
 
@@ -97,7 +98,7 @@ def test_redrawing_equals_the_textbook(h, R):
     belief = textbook = PENDULUM
     for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
         belief, innovation = unscented.update(unscented.predict(belief, pendulum, PENDULUM_Q), y, h, R)
-        textbook, textbook_innovation = unscented.textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, redraw=True)
+        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, redraw=True)
     assert largest_difference(belief, textbook) < 1e-12
     assert largest_difference(innovation, textbook_innovation) < 1e-12
 

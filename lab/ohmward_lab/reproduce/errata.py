@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.filters import Belief, kalman
-from ohmward.filters.unscented import DEFAULT, sigma_points, sigma_weights, textbook_step
+from ohmward.filters.unscented import DEFAULT
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance
@@ -24,6 +24,7 @@ from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.reproduce.row import Erratum, differs
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
+from ohmward_lab.reproduce.unscented_textbook import sigma_points, sigma_weights, textbook_step
 
 #: Errata in the order of this file.
 ERRATA: list[Erratum] = []
