@@ -20,6 +20,7 @@ from ohmward.filters import (
 )
 from ohmward.filters.adaptive import Matching
 from ohmward.trace import Kernel, trace
+from ohmward_lab.published import scheme_by_method
 
 F = np.array([[1.0, 0.1, 0.0], [-0.1, 0.9, 0.0], [0.0, 0.0, 1.0]])
 H = np.array([[1.0, 0.0, 0.5]])
@@ -112,10 +113,10 @@ def test_traced_adaptive_steps_are_those_with_floats(step, y):
     matching = Matching(PENDULUM_Q, PENDULUM_R / 10, window=20, gate=9.0)
 
     def packed_step(packed, y):
-        state, innovation = step(adaptive.unpack(packed), pendulum, height, y, matching)
-        return adaptive.pack(state), innovation.value
+        state, innovation = step(scheme_by_method.unpack(packed), pendulum, height, y, matching)
+        return scheme_by_method.pack(state), innovation.value
 
-    state = traced_state = adaptive.pack(adaptive.init(PENDULUM, PENDULUM_Q, PENDULUM_R))
+    state = traced_state = scheme_by_method.pack(adaptive.init(PENDULUM, PENDULUM_Q, PENDULUM_R))
     kernel = Kernel(packed_step, state, np.zeros(1))
     for value in (0.3, 0.25, y, 0.28):
         state, output = packed_step(state, np.array([value]))
@@ -152,13 +153,13 @@ def assert_close(a, b):
 
 def seven_state_step(filter_step):
     def step(packed, sample):
-        state, innovation = saft_seven_states.step(adaptive.unpack(packed), sample, filter_step)
-        return adaptive.pack(state), innovation.value[0]
+        state, innovation = saft_seven_states.step(scheme_by_method.unpack(packed), sample, filter_step)
+        return scheme_by_method.pack(state), innovation.value[0]
 
     return step
 
 
-SEVEN = adaptive.pack(saft_seven_states.START)
+SEVEN = scheme_by_method.pack(saft_seven_states.START)
 
 
 def count(filter_step):
@@ -191,7 +192,7 @@ def test_the_seven_state_filter_follows_voltage_and_parameters():
     step = seven_state_step(adaptive.unscented_step_reusing_points)
     current_A, voltage_V = saft_seven_states.simulated_log(3000)
     state, innovation_V = Kernel(step, SEVEN, (0.0, 0.0)).scan(SEVEN, (current_A, voltage_V))
-    belief = adaptive.unpack(state).belief
+    belief = scheme_by_method.unpack(state).belief
     error = belief.mean[3:] - saft_seven_states.TRUE_PARAMETERS
     assert np.std(innovation_V[500:]) < 1.25 * saft_seven_states.NOISE_STD_V
     assert np.abs(error / np.sqrt(np.diag(belief.cov)[3:])).max() < 3

@@ -34,6 +34,7 @@ from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
+from ohmward.filters.linear_algebra import lower_triangle, symmetric_from
 from ohmward.trace import clip, maximum, where
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc_filter import SocByCurve
@@ -57,11 +58,40 @@ REST_STD_V = 1e-3
 _TERMINAL = 2
 
 
+class PackedAdaptiveState(NamedTuple):
+    """State of an adaptive filter as it is stored: lower triangles instead of symmetric matrices."""
+
+    mean: np.ndarray  #: (n,)
+    #: (n (n + 1) / 2,), row by row
+    cov: np.ndarray
+    Q: np.ndarray
+    #: (m (m + 1) / 2,), row by row
+    R: np.ndarray
+    innovation: np.ndarray
+    residual: np.ndarray
+    samples: float  #: of the means
+
+
+def pack(state: adaptive.AdaptiveState) -> PackedAdaptiveState:
+    """The state with lower triangles only; `unpack` undoes it."""
+    (mean, cov), Q, R, noise = state
+    cov, Q, R, innovation, residual = map(lower_triangle, (cov, Q, R, noise.innovation, noise.residual))
+    return PackedAdaptiveState(mean, cov, Q, R, innovation, residual, noise.samples)
+
+
+def unpack(packed: PackedAdaptiveState) -> adaptive.AdaptiveState:
+    """The state with full matrices, symmetric by construction."""
+    mean, *triangles, samples = packed
+    cov, Q, R, innovation, residual = map(symmetric_from, triangles)
+    noise = adaptive.NoiseEstimate(innovation, residual, samples)
+    return adaptive.AdaptiveState(Belief(mean, cov), Q, R, noise)
+
+
 class SchemeByMethodState(NamedTuple):
     """Belief, noise and moments of both stages, and the current [A] of the sample before."""
 
-    joint: adaptive.PackedAdaptiveState
-    soc: adaptive.PackedAdaptiveState
+    joint: PackedAdaptiveState
+    soc: PackedAdaptiveState
     current_A: Any
 
 
@@ -110,8 +140,8 @@ class SchemeByMethod:
         )
         R = np.array([[R0_V2]])
         return SchemeByMethodState(
-            adaptive.pack(adaptive.init(joint, np.diag(np.array(Q0)), R)),
-            adaptive.pack(adaptive.init(second, SOC_WALK**2 * along, R)),
+            pack(adaptive.init(joint, np.diag(np.array(Q0)), R)),
+            pack(adaptive.init(second, SOC_WALK**2 * along, R)),
             first_input(first).current_A,
         )
 
@@ -131,7 +161,7 @@ class SchemeByMethod:
         r_ohm = 1.0 / per_ohm
         circuit = rc.Circuit(1.0 / per_bulk, 1.0 / per_surface, r_ohm, r_ohm, r_terminal_ohm)
         soc = self.soc_step(state.soc, voltage_V, clean, circuit)
-        after = SchemeByMethodState(adaptive.pack(joint), adaptive.pack(soc), clean.current_A)
+        after = SchemeByMethodState(pack(joint), pack(soc), clean.current_A)
         return after, SchemeByMethodEstimate(
             circuit,
             innovation_V,
@@ -142,10 +172,10 @@ class SchemeByMethod:
         )
 
     def joint_step(
-        self, state: adaptive.PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample
+        self, state: PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample
     ) -> tuple[adaptive.AdaptiveState, Any]:
         """State of the first stage after a sample, its parameters within the limit, and the innovation [V]."""
-        before, parameters = adaptive.unpack(state), slice(_TERMINAL + 1, None)
+        before, parameters = unpack(state), slice(_TERMINAL + 1, None)
         after, innovation = self.filter_step(
             before, lambda x: self.next_state(x, clean), lambda x: x[_TERMINAL : _TERMINAL + 1], voltage_V, np.diag(Q0)
         )
@@ -153,7 +183,7 @@ class SchemeByMethod:
         return after._replace(belief=after.belief._replace(mean=mean)), innovation.value[0]
 
     def soc_step(
-        self, state: adaptive.PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample, p: rc.Circuit
+        self, state: PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample, p: rc.Circuit
     ) -> adaptive.AdaptiveState:
         """State of the second stage after a sample, with these parameters."""
         current_A = clean.mean_A if self.corrected else before_A(clean)
@@ -167,7 +197,7 @@ class SchemeByMethod:
             return np.array([0.5 * x[0] + 0.5 * x[1] + instant_ohm * clean.current_A])
 
         Q = SOC_WALK**2 * np.outer(self.charge_direction, self.charge_direction)
-        after, _ = self.filter_step(adaptive.unpack(state), f, h, voltage_V, Q)
+        after, _ = self.filter_step(unpack(state), f, h, voltage_V, Q)
         return after
 
     def filter_step(

@@ -22,6 +22,7 @@ from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
+from ohmward_lab.published.scheme_by_method import PackedAdaptiveState, pack, unpack
 from ohmward_lab.reproduce.row import Result, ResultRow
 from ohmward_lab.simulate.closed_loop.sensing import quantisation_std_rad_s
 
@@ -120,22 +121,22 @@ def currents(drive: CurrentDrive, time_s: np.ndarray) -> np.ndarray:
 def observer(kind: MatchingFilter, wrong: WrongNoise) -> Kernel:
     """The filter, compiled; its samples are the wheels' speeds and the currents, each (2,)."""
 
-    def one(packed: adaptive.PackedAdaptiveState, sample: tuple) -> tuple:
-        state, (y, current_A) = adaptive.unpack(packed), sample
+    def one(packed: PackedAdaptiveState, sample: tuple) -> tuple:
+        state, (y, current_A) = unpack(packed), sample
         step = slip_step(LAYOUT.split(state.belief.mean), RobotInput(current_A), WET, DT_S)
         Q = process_noise(step.torque_response) * (FLOOR if kind.match_Q else wrong.Q)
         floors = Q, R * (FLOOR if kind.match_R else wrong.R)
         matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
         state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, step), lambda x: x[2:], y, matching)
-        return adaptive.pack(state), (state.belief.mean, np.diag(state.belief.cov))
+        return pack(state), (state.belief.mean, np.diag(state.belief.cov))
 
     return Kernel(one, start(np.zeros(4), wrong), (np.zeros(2), np.zeros(2)))
 
 
-def start(x: np.ndarray, wrong: WrongNoise) -> adaptive.PackedAdaptiveState:
+def start(x: np.ndarray, wrong: WrongNoise) -> PackedAdaptiveState:
     """State before the first sample of a drive that starts at x (4,)."""
     first = Belief(x, np.diag([0.02, 0.05, 0.1, 0.1]) ** 2)
-    return adaptive.pack(adaptive.init(first, wrong.Q * np.diag([1e-6, 1e-6, 1e-5, 1e-5]), wrong.R * R))
+    return pack(adaptive.init(first, wrong.Q * np.diag([1e-6, 1e-6, 1e-5, 1e-5]), wrong.R * R))
 
 
 def estimate(filter_: Kernel, drive: RecordedDrive, wrong: WrongNoise) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.gate import choose, passes
-from ohmward.filters.linear_algebra import lower_triangle, mirror_lower, symmetric_from
+from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import linearize, minimum
 
 
@@ -49,20 +49,6 @@ class AdaptiveState(NamedTuple):
     Q: np.ndarray  #: (n, n), process noise for the next step
     R: np.ndarray  #: (m, m), measurement noise for the next step
     noise: NoiseEstimate  #: moments that they are matched to
-
-
-class PackedAdaptiveState(NamedTuple):
-    """`AdaptiveState` as it is stored: lower triangles instead of symmetric matrices."""
-
-    mean: np.ndarray  #: (n,)
-    #: (n (n + 1) / 2,), row by row
-    cov: np.ndarray
-    Q: np.ndarray
-    #: (m (m + 1) / 2,), row by row
-    R: np.ndarray
-    innovation: np.ndarray
-    residual: np.ndarray
-    samples: float  #: as in `NoiseEstimate`
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +79,6 @@ def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
     require_shape("Q", Q, (n, n))
     require_shape("R", R, (m, m))
     return AdaptiveState(belief, Q, R, NoiseEstimate(np.zeros((m, m)), np.zeros((m, m)), 0.0))
-
-
-def pack(state: AdaptiveState) -> PackedAdaptiveState:
-    """The state with lower triangles only; `unpack` undoes it."""
-    (mean, cov), Q, R, noise = state
-    cov, Q, R, innovation, residual = map(lower_triangle, (cov, Q, R, noise.innovation, noise.residual))
-    return PackedAdaptiveState(mean, cov, Q, R, innovation, residual, noise.samples)
-
-
-def unpack(packed: PackedAdaptiveState) -> AdaptiveState:
-    """The state with full matrices, symmetric by construction."""
-    mean, *triangles, samples = packed
-    cov, Q, R, innovation, residual = map(symmetric_from, triangles)
-    return AdaptiveState(Belief(mean, cov), Q, R, NoiseEstimate(innovation, residual, samples))
 
 
 def extended_step(

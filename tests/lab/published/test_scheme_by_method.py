@@ -8,10 +8,9 @@ import pytest
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
-from ohmward.filters import adaptive
 from ohmward.trace import Kernel
 from ohmward_lab.published import rc, rc_circuit
-from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeSoc
+from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeSoc, unpack
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
 
@@ -77,8 +76,8 @@ def test_as_an_estimator_of_charge_the_scheme_is_the_same_and_finds_its_start_by
     np.testing.assert_array_equal(found.soc, along("ekf", column).soc)
     np.testing.assert_allclose(found.soc_std**2, along("ekf", column).soc_variance)
     rest = SocSample(0.0, 0.0, float(rc_circuit.at_rest(TRUE, 0.6)[0]), math.nan)
-    assert adaptive.unpack(estimator.init(rest).soc).belief.mean[2] == pytest.approx(0.6, abs=1e-3)
+    assert unpack(estimator.init(rest).soc).belief.mean[2] == pytest.approx(0.6, abs=1e-3)
     silent = rest._replace(voltage_V=math.nan)
-    assert adaptive.unpack(estimator.init(silent, 0.6).joint).belief.mean[2] == pytest.approx(rest.voltage_V)
+    assert unpack(estimator.init(silent, 0.6).joint).belief.mean[2] == pytest.approx(rest.voltage_V)
     with pytest.raises(InputError, match="first sample has no voltage: give soc"):
         estimator.init(silent)
