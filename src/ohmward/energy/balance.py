@@ -78,13 +78,19 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: SlipEstimate,
 
     power: (T,) [W] as `drive_balance` gives it.
     """
-    weight_s = trapezoid_weights(log.time_s, np.isfinite(power.residual))
+    known = np.isfinite(power.residual)
+    half_s = 0.5 * np.diff(log.time_s) * (known[1:] & known[:-1])
+    weight_s = np.concatenate([half_s, [0.0]]) + np.concatenate([[0.0], half_s])
+
+    def energy_J(term_W: np.ndarray) -> float:
+        return float(np.sum(weight_s * np.where(weight_s > 0, term_W, 0.0)))
+
     slip_std_W = np.nansum(np.abs(observed.traction_N) * observed.slip_speed_std_m_s, axis=1)
     climb_std_W = robot.mass_kg * GRAVITY * np.abs(observed.speed_m_s) * observed.grade_std_rad
     return DriveEnergy(
-        EnergyBalance(*(weighted_sum(weight_s, term) for term in power)),
-        {"slip": weighted_sum(weight_s, slip_std_W), "climb": weighted_sum(weight_s, climb_std_W)},
-        weighted_sum(weight_s, np.maximum(-power.battery, 0.0)),
+        EnergyBalance(*map(energy_J, power)),
+        {"slip": energy_J(slip_std_W), "climb": energy_J(climb_std_W)},
+        energy_J(np.maximum(-power.battery, 0.0)),
     )
 
 
@@ -132,14 +138,3 @@ def running_integral(x: np.ndarray, values: np.ndarray) -> np.ndarray:
     widths = widths.reshape(*widths.shape, *[1] * (values.ndim - x.ndim))
     areas = 0.5 * widths * (values[1:] + values[:-1])
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(areas, axis=0)])
-
-
-def trapezoid_weights(x: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(T,) weights of the samples in an integral over the intervals with both ends known (T,)."""
-    half = 0.5 * np.diff(x) * (known[1:] & known[:-1])
-    return np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half])
-
-
-def weighted_sum(weights: np.ndarray, values: np.ndarray | float) -> float:
-    """Sum of weights (T,) times values (T,), which may be nan where the weight is 0."""
-    return float(np.sum(weights * np.where(weights > 0, values, 0.0)))

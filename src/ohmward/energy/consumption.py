@@ -172,7 +172,11 @@ def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
     cov[effects, :] = 0.0
     cov[:, effects] = 0.0
     cov[effects, effects] = day.value / 2
-    cov += np.diag(_drift_variance(c, days))
+    drift_std = np.zeros(len(mean))  # of a month
+    drift_std[IDLE] = c.prior.drift_std * c.prior.idle_W
+    for name in c.terrains:
+        drift_std[c.force_index(name)] = c.prior.drift_std * c.prior.force_of(name)
+    cov += np.diag(drift_std**2 * days / _DAYS_PER_MONTH)
     reference = tuple(max(mean[c.force_index(name)], 0.0) for name in c.terrains)
     return replace(c, mean=mean, cov=cov, reference_N=reference, day=day, on_this_drive=())
 
@@ -183,8 +187,13 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     Raises:
         InputError: a time, distance or height below zero, or an energy that is not finite.
     """
-    _check(stretch, energy_J)
-    c = with_terrain(c, stretch.terrain) if stretch.terrain else c
+    for name in ("time_s", "distance_m", "speed_distance_m2_s", "climb_m", "descent_m", "payload_kg"):
+        require_between(f"stretch.{name}", getattr(stretch, name), 0.0, np.inf)
+    require_between("stretch.standing_s", stretch.standing_s, 0.0, stretch.time_s)
+    require_finite("stretch.kinetic_m2_s2", stretch.kinetic_m2_s2)
+    if not np.isfinite(energy_J):
+        raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")
+    c = with_ground(c, [stretch])
     if standing_work_J(c, stretch, energy_J):
         return c
     weight = scatter_weight(c, stretch)
@@ -334,11 +343,6 @@ def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
     return at_wheels_J + energy_gained_J(c, stretch)
 
 
-def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
-    """W / d: mean force [N] of the wheels."""
-    return wheel_work_J(c, stretch) / max(stretch.distance_m, _LEAST_M)
-
-
 def energy_of_slope_J(c: Consumption, stretch: Stretch, x: np.ndarray) -> float:
     """Energy [J] of a stretch compared with level ground, < 0 downhill: climb, braking and heat.
 
@@ -415,15 +419,6 @@ def _learn_day(c: Consumption) -> Variance:
     return day
 
 
-def _drift_variance(c: Consumption, days: float) -> np.ndarray:
-    """Variance of the random walk of the coefficients over these days."""
-    std = np.zeros(len(c.mean))
-    std[IDLE] = c.prior.drift_std * c.prior.idle_W
-    for name in c.terrains:
-        std[c.force_index(name)] = c.prior.drift_std * c.prior.force_of(name)
-    return std**2 * days / _DAYS_PER_MONTH
-
-
 def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """The belief with a stretch added to the totals of its terrain."""
     k = c.terrains.index(stretch.terrain)
@@ -432,15 +427,6 @@ def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     now = Visits(v.drives + first, v.distance_m + stretch.distance_m, v.time_s + stretch.time_s, v.energy_J + energy_J)
     drive = (*c.on_this_drive, stretch.terrain) if first else c.on_this_drive
     return replace(c, visits=(*c.visits[:k], now, *c.visits[k + 1 :]), on_this_drive=drive)
-
-
-def _check(stretch: Stretch, energy_J: float) -> None:
-    for name in ("time_s", "distance_m", "speed_distance_m2_s", "climb_m", "descent_m", "payload_kg"):
-        require_between(f"stretch.{name}", getattr(stretch, name), 0.0, np.inf)
-    require_between("stretch.standing_s", stretch.standing_s, 0.0, stretch.time_s)
-    require_finite("stretch.kinetic_m2_s2", stretch.kinetic_m2_s2)
-    if not np.isfinite(energy_J):
-        raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")
 
 
 class Variance(NamedTuple):

@@ -62,7 +62,10 @@ def dump_consumption(c: Consumption) -> str:
         "prior": asdict(c.prior),
         "scatter": c.scatter._asdict(),
         "day": c.day._asdict(),
-        "terrain": [_terrain(c, k) for k in range(len(c.terrains))],
+        "terrain": [
+            {"name": name, **v._asdict(), "reference_N": force_N, "on_this_drive": name in c.on_this_drive}
+            for name, v, force_N in zip(c.terrains, c.visits, c.reference_N, strict=True)
+        ],
         "coefficients": {"names": list(c.names), "mean": c.mean.tolist(), "cov": c.cov.tolist()},
     }
     lines = [_line(c, name) for name in c.terrains]
@@ -109,12 +112,6 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
             "learn the table again"
         )
     return c
-
-
-def _terrain(c: Consumption, k: int) -> dict[str, Any]:
-    name = c.terrains[k]
-    there = {"reference_N": c.reference_N[k], "on_this_drive": name in c.on_this_drive}
-    return {"name": name, **c.visits[k]._asdict(), **there}
 
 
 def _numbers(kind: Any, table: Mapping[str, Any]) -> Any:

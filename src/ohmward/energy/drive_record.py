@@ -152,8 +152,11 @@ def record_drive(
     battery_W = -log.voltage_V * log.current_A
     driven = cut_drive(log.time_s, motion.speed_m_s, battery_W, ground, motion.grade_rad, payload_kg)
     balance = _balance(motion.wheels, log.time_s, battery_W, driven) if motion.wheels else None
-    notes = (*log.notes, *motion.notes, *_idle_notes(balance))
-    return DriveRecord(log, motion.speed_m_s, battery_W, driven, balance, notes)
+    notes = [*log.notes, *motion.notes]
+    if balance is not None and not balance.energy.balance.idle > 0:
+        text = "the idle power is not known (robot.idle_W is 0, and the robot never stood): it is part of 'residual'"
+        notes.append(Note(text, "warning"))
+    return DriveRecord(log, motion.speed_m_s, battery_W, driven, balance, tuple(notes))
 
 
 def standing_power_W(driven: Sequence[Driven]) -> float | None:
@@ -173,13 +176,6 @@ def _balance(
     at_drive_W = interpolated(drive.time_s, time_s, battery_W, BRIDGED_S)
     power = drive_balance(drive, track.estimates, p, at_drive_W, standing_power_W(driven))
     return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, p.robot))
-
-
-def _idle_notes(balance: RecordedBalance | None) -> list[Note]:
-    if balance is None or balance.energy.balance.idle > 0:
-        return []
-    text = "the idle power is not known (robot.idle_W is 0, and the robot never stood): it is part of 'residual'"
-    return [Note(text, "warning")]
 
 
 #: Speed [m/s] assumed on a terrain that has not been driven on.

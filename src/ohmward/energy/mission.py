@@ -26,7 +26,7 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, standing_work_J, with_terrain
 from ohmward.energy.discharge_end import end_along
-from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
+from ohmward.energy.drive_record import DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import MissionForecast, Range, credible, get_home, range_along, range_left
 from ohmward.energy.range_estimator import soc_now
@@ -170,14 +170,22 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
-    spelling = _Spelling(before.terrains)
+    known_as = {_folded(name): name for name in before.terrains}
+
+    def spelling(name: str) -> str:
+        return known_as.setdefault(_folded(name), name)
+
     ground = spelling(ground) if isinstance(ground, str) else [spelling(name) for name in ground]
     plan = replace(plan, leg=tuple(replace(leg, terrain=spelling(leg.terrain)) for leg in plan.leg)) if plan else None
     log = None if log is None else with_contradictions(check_log(log, battery), battery)
     estimates = _estimates(battery, log, settings)
     record = None
     if log is not None:
-        motion = _motion(log, drive, robot, settings, progress)
+        if robot is None or drive is None:
+            motion = measured_motion(log, settings.speed_column, settings.speed_unit)
+        else:
+            terrain = settings.terrain or hard_terrain(DEFAULT_TERRAIN)
+            motion = observe_motion(robot, drive, terrain, log.time_s, progress)
         record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
@@ -207,17 +215,8 @@ def analyse(
     )
 
 
-class _Spelling:
-    """One name for each ground: `Grass` and ` grass ` are spelled as the first of them was."""
-
-    def __init__(self, known: Sequence[str]):
-        self._first = {_folded(name): name for name in known}
-
-    def __call__(self, name: str) -> str:
-        return self._first.setdefault(_folded(name), name)
-
-
 def _folded(name: str) -> str:
+    """One spelling of a ground: `Grass` and ` grass ` are called as the first of them was."""
     return " ".join(name.split()).casefold()
 
 
@@ -245,7 +244,8 @@ def battery_at_end(
     Raises:
         InputError: no state of charge, or one below the reserve; a cutoff that the full battery does not reach.
     """
-    temperature_degC = _temperature_degC(plan, log)
+    of_log_degC = ROOM_DEGC if log is None else float(log.temperature_along(ROOM_DEGC)[-1])
+    temperature_degC = plan.temperature_degC if plan else of_log_degC
     if estimates is not None:
         now = soc_now(row_of(estimates, -1), temperature_degC)
     elif settings.soc is not None:
@@ -293,19 +293,6 @@ def _estimates(battery: Battery, log: Log | None, settings: MissionSettings) -> 
     return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
 
 
-def _motion(
-    log: Log,
-    drive: DriveLog | None,
-    robot: Robot | None,
-    settings: MissionSettings,
-    progress: Callable[[int, int], None] | None,
-) -> BodyMotion:
-    """Motion from the observed wheels, else from a measured speed."""
-    if robot is None or drive is None:
-        return measured_motion(log, settings.speed_column, settings.speed_unit)
-    return observe_motion(robot, drive, settings.terrain or hard_terrain(DEFAULT_TERRAIN), log.time_s, progress)
-
-
 def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:
     """Consumption with the plan's terrains, and a warning for each that has not been driven on."""
     notes = []
@@ -327,10 +314,3 @@ def _reserve(settings: MissionSettings, plan: Plan | None, log: Log | None, soc:
         text = f"the log ends below the usual reserve of {DEFAULT_RESERVE:.0%}: range is that to empty"
         return 0.0, [Note(text, "warning")]
     return DEFAULT_RESERVE, []
-
-
-def _temperature_degC(plan: Plan | None, log: Log | None) -> float:
-    """Temperature of the plan, else the last one of the log, else room temperature."""
-    if plan:
-        return plan.temperature_degC
-    return ROOM_DEGC if log is None else float(log.temperature_along(ROOM_DEGC)[-1])

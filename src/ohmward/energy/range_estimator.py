@@ -161,7 +161,10 @@ class RangeEstimator:
             terrain or self.settings.terrain,
         )
         now = soc_now(soc, number("temperature_degC", temperature_degC))
-        way = home if isinstance(home, Sequence) else _length_m(number("home", home))
+        way = home
+        if not isinstance(home, Sequence):
+            length_m = number("home", home)
+            way = length_m if 0.0 <= length_m <= LONGEST_M else None
         self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts, plan))
         return estimate
 
@@ -194,7 +197,10 @@ class RangeEstimator:
             socs: Any = [SocEstimate(*row) for row in zip(*soc.estimates, strict=True)]
         else:
             socs = _column(log, "soc", soc)
-            _require_share(socs)
+            known = socs[np.isfinite(socs)]
+            usual = float(np.median(known)) if known.size else 0.0
+            if not _is_share(usual):
+                raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {usual:g}")
         columns: dict[str, Any] = {
             "time_s": log.time_s,
             "soc": socs,
@@ -257,21 +263,8 @@ def _credible(value: float, least: float, most: float) -> float:
     return float(value) if least <= value <= most else math.nan
 
 
-def _require_share(soc: np.ndarray) -> None:
-    """Raise InputError for a column of the state of charge in percent."""
-    known = soc[np.isfinite(soc)]
-    usual = float(np.median(known)) if known.size else 0.0
-    if not _is_share(usual):
-        raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {usual:g}")
-
-
 def _is_share(soc: float) -> bool:
     return -ROUNDED_SOC <= soc <= 1.0 + ROUNDED_SOC
-
-
-def _length_m(home_m: float) -> float | None:
-    """The length of the way home, None where it is none."""
-    return home_m if 0.0 <= home_m <= LONGEST_M else None
 
 
 def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:

@@ -196,7 +196,13 @@ class RangeSettings:
 
     def step(self, state: RangeState, sample: RangeSample) -> tuple[RangeState, RangeEstimate]:
         """State and estimate after a sample."""
-        time_s, flags = sample.drive.time_s, flags_of_sample(sample)
+        time_s, drive = sample.drive.time_s, sample.drive
+        values = {
+            RangeFlag.NO_SOC: sample.soc.soc,
+            RangeFlag.NO_POWER: drive.battery_W,
+            RangeFlag.NO_SPEED: drive.speed_m_s,
+        }
+        flags = RangeFlag(sum(flag for flag, value in values.items() if not math.isfinite(value)))
         last_s = state.meter.last.time_s if state.meter.last else math.nan
         clock_s, late = clock_after(last_s, time_s, state.late)
         state = state._replace(late=late)
@@ -412,18 +418,6 @@ def reach_probability(
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
     usable = usable_at(battery, with_peaks(battery_now, c, way), power_W, z[BATTERY])
     return float(np.mean(needed_J(demand, z) <= usable))
-
-
-def flags_of_sample(sample: RangeSample) -> RangeFlag:
-    """Flags of what is missing in a sample."""
-    flags = RangeFlag(0)
-    if not math.isfinite(sample.soc.soc):
-        flags |= RangeFlag.NO_SOC
-    if not math.isfinite(sample.drive.battery_W):
-        flags |= RangeFlag.NO_POWER
-    if not math.isfinite(sample.drive.speed_m_s):
-        flags |= RangeFlag.NO_SPEED
-    return flags
 
 
 def _known(value: float, otherwise: float) -> float:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_one_of, require_positive
-from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row, mean_pull_N
+from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row, wheel_work_J
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 
@@ -44,16 +44,21 @@ def speed_advice(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tup
     Raises:
         InputError: a terrain that is not known, a speed or limits that are not > 0, limits that do not ascend.
     """
-    _check(c, terrain, speed_m_s, limits_m_s)
+    require_one_of("terrain", terrain, c.terrains)
+    require_positive("speed_m_s", speed_m_s)
+    require_positive("limits_m_s", limits_m_s)
+    slowest, fastest = limits_m_s
+    if not slowest < fastest:
+        raise InputError(f"limits_m_s must ascend, got {slowest:g} and {fastest:g}")
 
     def per_metre(v: float) -> np.ndarray:
         return design_row(c, Stretch(terrain, 1 / v, 1.0, v))
 
-    resistance_N, at_1_m_s_N = (mean_pull_N(c, Stretch(terrain, 1.0, 1.0, v)) for v in (0.0, 1.0))
+    resistance_N, at_1_m_s_N = (wheel_work_J(c, Stretch(terrain, 1.0, 1.0, v)) for v in (0.0, 1.0))  # over 1 m
     heat_W_per_N2 = max(c.mean[HEAT], 0.0)
     standing_W = max(c.mean[IDLE], 0.0) + heat_W_per_N2 * resistance_N**2
     drag = max(c.mean[SPEED], 0.0) * per_metre(1.0)[SPEED] + heat_W_per_N2 * (at_1_m_s_N - resistance_N) ** 2
-    best = best_speed(standing_W, drag, limits_m_s)
+    best = fastest if drag <= 0.0 else float(np.clip(np.sqrt(standing_W / drag), slowest, fastest))
     now, then = per_metre(speed_m_s), per_metre(best)
     saving = now - then
     idle_share = float(now[IDLE] * c.mean[IDLE] / (now @ c.mean))
@@ -66,19 +71,3 @@ def speed_advice(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tup
         idle_share,
         idle_share > DOMINATES,
     )
-
-
-def best_speed(standing_W: float, drag_N_s_per_m: float, limits_m_s: tuple[float, float]) -> float:
-    """v* [m/s] within the limits, from the power [W] that does not depend on the speed and the drag c."""
-    slowest, fastest = limits_m_s
-    if drag_N_s_per_m <= 0.0:
-        return fastest
-    return float(np.clip(np.sqrt(standing_W / drag_N_s_per_m), slowest, fastest))
-
-
-def _check(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float]) -> None:
-    require_one_of("terrain", terrain, c.terrains)
-    require_positive("speed_m_s", speed_m_s)
-    require_positive("limits_m_s", limits_m_s)
-    if not limits_m_s[0] < limits_m_s[1]:
-        raise InputError(f"limits_m_s must ascend, got {limits_m_s[0]:g} and {limits_m_s[1]:g}")
