@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
@@ -94,15 +93,6 @@ class Plan:
 
 
 PLAN_FILE = TomlFile(Plan, FORMAT, "# A mission as ohmward plans it.")
-
-
-def load_plan(path: str | PathLike[str]) -> Plan:
-    """Load the plan from a file.
-
-    Raises:
-        InputError: the file cannot be read or is not a plan; names file, key, rule and fix.
-    """
-    return PLAN_FILE.load(path)
 
 
 #: State of charge that must be left where neither settings nor plan give it.

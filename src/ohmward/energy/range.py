@@ -73,7 +73,7 @@ def range_left(
     if not length_m > 0:
         raise InputError("the way ahead has no distance; give stretches that are driven")
     ahead = level(ahead)
-    whole = way_demand(c, ahead, is_known)
+    whole = way_demand(c, ahead, is_known).at(-1)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
     usable = usable_at(battery, with_peaks(state, c, ahead), power_W, z[BATTERY])
@@ -181,11 +181,12 @@ def places(needed: np.ndarray, usable: np.ndarray) -> np.ndarray:
 
 
 def way_demand(c: Consumption, way: Sequence[Stretch], is_known: bool) -> EnergyDemand:
-    """Energy that a route takes; is_known: as for `range_left`."""
-    demand = energy_demand(c, way)
+    """Energy (K,) from the start of a route to the end of each of its stretches; is_known: as for `range_left`."""
+    demand = energy_demands(c, way)
     if is_known:
         return demand
-    return demand._replace(learned_J2=demand.learned_J2 + (total_distance_m(way) * ground_std(c, way)) ** 2)
+    driven_m = np.cumsum([s.distance_m for s in way])
+    return demand._replace(learned_J2=demand.learned_J2 + (driven_m * ground_std(c, way)) ** 2)
 
 
 #: Prior of the standard deviation of the energy per metre from stretch to stretch, relative to its mean, and its weight
@@ -314,10 +315,7 @@ def forecast_of(
     z = normal_points(DIMENSIONS)
     if not (duration_s := total_time_s(stretches)) > 0.0:
         raise InputError("the plan takes no time: no leg has a distance or a stop; give one of them")
-    demands = energy_demands(c, stretches)
-    if not is_known:
-        driven_m = np.cumsum([s.distance_m for s in stretches])
-        demands = demands._replace(learned_J2=demands.learned_J2 + (driven_m * ground_std(c, stretches)) ** 2)
+    demands = way_demand(c, stretches, is_known)
     power_W = float(demands.mean_J[-1]) / duration_s
     battery_points = discharge(battery, with_peaks(state, c, stretches), power_W, z[BATTERY])
     usable = usable_J(battery_points)

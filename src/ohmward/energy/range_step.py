@@ -412,7 +412,7 @@ def reach_probability(
     c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState, is_known: bool = True
 ) -> float:
     """Probability of driving these stretches with the reserve left; is_known: as for `range_left`."""
-    demand = way_demand(c, way, is_known)
+    demand = way_demand(c, way, is_known).at(-1)
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0

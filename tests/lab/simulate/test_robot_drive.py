@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.mission import load_plan
+from ohmward.energy.mission import PLAN_FILE
 from ohmward.traction import RLMA
 from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
 from ohmward_lab.simulate.closed_loop.run import figures
@@ -16,7 +16,7 @@ def test_it_can_be_written_and_read(tmp_path):
 
 def test_the_way_home_is_a_plan(tmp_path):
     (tmp_path / "plan.toml").write_text(WAY_HOME)
-    plan = load_plan(tmp_path / "plan.toml")
+    plan = PLAN_FILE.load(tmp_path / "plan.toml")
     assert sum(leg.distance_m for leg in plan.legs) == 4500.0
     assert plan.reserve_soc == 0.1
 

@@ -17,7 +17,7 @@ from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import bullets, fields, known_rows, paragraphs, table
 from ohmward.energy.drive_record import RecordFigures, record_figures, terrain_figures
-from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, analyse, load_plan
+from ohmward.energy.mission import EXAMPLE, PLAN_FILE, MissionResult, MissionSettings, analyse
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range import summary_of
 from ohmward.errors import InputError
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check(args)
     battery, warnings = load_with_sensor(args.battery, args)
     robot = load_robot(args.robot) if args.robot else None
-    plan = load_plan(args.plan) if args.plan else None
+    plan = PLAN_FILE.load(args.plan) if args.plan else None
     before, origin = earlier_consumption(args.consumption, args.mass_kg, robot)
     log, drive, ground = None, None, args.terrain
     if args.log is not None:
