@@ -205,16 +205,12 @@ class LiveEstimator(ABC, Generic[S, E]):
         # gate, and flags that; so it is enough to check where there is a flag.
         incident = first or estimate[-1] is not self._no_flags or not estimate[value] + estimate[std] < math.inf
         if incident and not live.is_finite():
-            estimate = self._start_again(sample)
+            self.state = self.init_again(self._record(sample))
+            estimate = self._wake(sample).step(sample)
+            estimate = estimate._replace(flags=estimate[-1] | self.flag_type["RESTARTED"])
         self.last = estimate
         self.time_s = clock_s
         return estimate
-
-    def _start_again(self, sample: Any) -> E:
-        """Restart from this sample after the state was no longer finite; returns its estimate."""
-        self.state = self.init_again(self._record(sample))
-        estimate = self._wake(sample).step(sample)
-        return estimate._replace(flags=estimate[-1] | self.flag_type["RESTARTED"])
 
     def _wake(self, sample: S) -> Live:
         """The live step, from the state or, where there is none, from this sample on."""

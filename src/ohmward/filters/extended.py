@@ -51,7 +51,8 @@ def update(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, iterations
         raise InputError(f"iterations must be at least 1 but is {iterations}; 1 is the plain extended Kalman filter")
     posterior, innovation, _ = correct(belief, y, h, R)
     for _ in range(iterations - 1):
-        posterior = _relinearised(belief, posterior.mean, y, h, R)
+        y_hat, H = linearize(h, posterior.mean)
+        posterior, _ = kalman.update(belief, y, H, R, y_hat + H @ (belief.mean - posterior.mean))
     return posterior, innovation
 
 
@@ -60,10 +61,3 @@ def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, used: Sca
     y_hat, H = linearize(h, belief.mean)
     require_shape("h(x)", y_hat, np.shape(y))
     return kalman.correct(belief, y, H, R, y_hat, used)
-
-
-def _relinearised(prior: Belief, point: np.ndarray, y: np.ndarray, h: Function, R: np.ndarray) -> Belief:
-    """The prior corrected with h linearised at `point` instead of at its mean."""
-    y_hat, H = linearize(h, point)
-    posterior, _ = kalman.update(prior, y, H, R, y_hat + H @ (prior.mean - point))
-    return posterior

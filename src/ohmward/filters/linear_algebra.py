@@ -73,16 +73,12 @@ def solve_upper(U: np.ndarray, B: np.ndarray) -> np.ndarray:
     return solve_lower(U[::-1, ::-1], B[::-1])[::-1]
 
 
-def cho_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Solve L L' X = B; L: (n, n) from `cholesky`, B: (n,) or (n, k)."""
-    return solve_upper(L.T, solve_lower(L, B))
-
-
 def solve_spd(S: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Solve S X = B for a covariance S (m, m) and B (m,) or (m, k); one guarded division when m = 1."""
     if len(S) == 1:
         return B * (1.0 / maximum(S[0, 0], TINY))
-    return cho_solve(cholesky(S)[0], B)
+    L, _ = cholesky(S)
+    return solve_upper(L.T, solve_lower(L, B))
 
 
 def mirror_lower(M: np.ndarray) -> np.ndarray:
