@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, Differential, Mecanum, Omni, SkidSteer
 from ohmward.traction.robot.chassis import load_matrix, rolling_matrix
-from ohmward.traction.robot.robot import motion_from_wheels, wheel_speeds
+from ohmward.traction.robot.robot import motion_from_wheels
 from traction.examples import ROBOTS
 
 CHASSIS = {name: robot.chassis for name, robot in ROBOTS.items()}
@@ -36,7 +36,7 @@ def test_wheels_move_as_points_of_a_rigid_body(chassis, motion):
 def test_left_minus_right_plus():
     v, yaw_rate = 0.4, 0.5
     left, right = 0.4 - 0.15 * 0.5, 0.4 + 0.15 * 0.5
-    speeds = 0.12 * wheel_speeds(RLMA, np.array([v, yaw_rate]))
+    speeds = RLMA.rolling @ np.array([v, yaw_rate])
     np.testing.assert_allclose(speeds, [left, right, left, right], rtol=1e-14)
 
 
@@ -61,9 +61,8 @@ def test_odometry_inverts_the_wheel_speeds(name, motion):
     free = np.array(motion[: robot.freedoms])
     if robot.chassis.scrubs:
         free[1] = 0.0  # wheels that all point forward do not see sideways motion
-    np.testing.assert_allclose(
-        motion_from_wheels(robot, wheel_speeds(robot, free)[: robot.driven]), free, rtol=1e-9, atol=1e-9
-    )
+    speeds = robot.rolling[: robot.driven] @ free / robot.wheel.radius_m
+    np.testing.assert_allclose(motion_from_wheels(robot, speeds), free, rtol=1e-9, atol=1e-9)
 
 
 @every_chassis

@@ -16,7 +16,7 @@ from ohmward.traction import (
     scene,
 )
 from ohmward.traction.calibration import CalibrationDrive, calibrate
-from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels, wheel_speeds
+from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.estimator import SlipEstimator, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from traction.examples import plant
@@ -37,7 +37,7 @@ def test_casters_roll_along_and_are_not_driven():
     assert [p.name for p in ROBOT.places] == ["left", "right", "caster_1"]
     assert (ROBOT.driven, ROBOT.chassis.freedoms) == (2, ("v_m_s", "yaw_rate_rad_s"))
     motion = np.array([0.4, 0.7])
-    speeds = wheel_speeds(ROBOT, motion)
+    speeds = ROBOT.rolling @ motion / ROBOT.wheel.radius_m
     assert speeds == pytest.approx(np.array([0.4 - 0.105, 0.4 + 0.105, 0.4]) / 0.05)
     np.testing.assert_allclose(motion_from_wheels(ROBOT, speeds[:2]), motion, rtol=1e-12)
 

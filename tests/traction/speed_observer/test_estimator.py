@@ -16,7 +16,7 @@ from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.motion.sample import RobotSample, samples_of
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.packaged import generic_robot
-from ohmward.traction.robot.robot import GRAVITY, wheel_speeds
+from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import default_observer
@@ -169,7 +169,7 @@ def unforced(robot, steps=60, hz=20.0):
     motion = np.zeros((steps, robot.freedoms))
     motion[:, 0] = np.minimum(time_s, 1.0)
     motion[:, -1] = 0.2 * np.sin(time_s)
-    wheels = wheel_speeds(robot, motion.T).T
+    wheels = (robot.rolling @ motion.T).T / robot.wheel.radius_m
     gyro = motion[:, -1] + 0.01 + 0.003 * rng.standard_normal(steps)
     nothing = np.full((steps, robot.driven), math.nan)
     return DriveLog("unforced", time_s, wheels, nothing, yaw_rate_rad_s=gyro)
@@ -296,7 +296,7 @@ def test_a_robot_that_turns_on_the_spot_is_not_stuck():
 
 def test_the_motion_of_an_omni_robot_has_three_parts():
     true = np.array([0.1, -0.2, 0.3])
-    wheels = np.tile(wheel_speeds(ROBOTINO, true), (200, 1))
+    wheels = np.tile(ROBOTINO.rolling @ true / ROBOTINO.wheel.radius_m, (200, 1))
     log = DriveLog("omni", 0.01 * np.arange(200), wheels, np.zeros((200, 3)))
     estimates = observe(SpeedObserver(scene(ROBOTINO, FLOOR), method="ekf"), log).estimates
     motion = motion_of(ROBOTINO, estimates)

@@ -218,11 +218,6 @@ def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
     return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
 
 
-def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
-    """Speed [rad/s] of every wheel, rolling without slip, for a motion (freedoms,) of the body."""
-    return robot.rolling @ motion / robot.wheel.radius_m
-
-
 def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Motion (..., freedoms) that fits the driven wheels' speeds (..., driven) best, assuming no slip."""
     return robot.wheel.radius_m * np.asarray(wheel_speed_rad_s) @ robot.motion_by_rims.T
