@@ -45,7 +45,8 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     for battery, (name, style, role) in zip((before, after), _STATES, strict=True):
         ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
         series.append(Series(100 * _SOC, ohm, name, style, role))
-        bands.append(lognormal_band_95(100 * _SOC, ohm, _log_resistance_std(battery), f"95 % {name}", role))
+        log_std = np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(_SOC)))
+        bands.append(lognormal_band_95(100 * _SOC, ohm, log_std, f"95 % {name}", role))
     of_lines, of_band = max(line.y.max() for line in series), bands[1].high.max()
     highest = float(max(1.3 * of_lines, 1.1 * of_band))
     title = f"Resistance to {PULSE_S:g} s of current"
@@ -57,12 +58,11 @@ def progress_figure(title: str, label: str, knowledge: Sequence[Mapping[str, Any
 
     knowledge: mean and std of each, as the updates have them.
     """
-    limits = (0.0, np.inf)
     number = np.arange(len(knowledge), dtype=float)
     mean = scale * np.array([known["mean"] for known in knowledge])
     std = scale * np.array([known["std"] for known in knowledge])
     series = [Series(number, mean, "known", role="estimate")]
-    return Figure(title, "Logs learnt", label, series, [band_95(number, mean, std, limits)], height_px=200)
+    return Figure(title, "Logs learnt", label, series, [band_95(number, mean, std, (0.0, np.inf))], height_px=200)
 
 
 #: States of a file, each with its line and its colour.
@@ -82,8 +82,3 @@ def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -
 def _curve_V(battery: Battery) -> np.ndarray:
     model = battery.thevenin
     return np.asarray(model.ocv.mean_V(_SOC, model.reference_degC))
-
-
-def _log_resistance_std(battery: Battery) -> np.ndarray:
-    """Standard deviation of the logarithm of the resistance along SoC, with the part common to all SoC."""
-    return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(_SOC)))

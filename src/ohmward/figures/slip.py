@@ -45,9 +45,16 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
         for k, name in enumerate(names)
     ]
     if (e.friction_std > 0).any():
-        figures.append(friction_figure(run))
+        share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]  # both relative
+        series, band = (
+            [Series(run.time_s, share, "estimate", role="estimate")],
+            lognormal_band_95(run.time_s, share, std),
+        )
+        title = "Friction over the assumed"
+        figures.append(Figure(title, TIME, "Share [%]", series, [band], log_y=True, height_px=200))
     if (e.grade_std_rad > 0).any():
-        figures.append(grade_figure(run))
+        curves = estimated(run.time_s, np.degrees(run.grade_rad), np.degrees(run.grade_std_rad))
+        figures.append(Figure("Grade", TIME, "Grade [degrees]", *curves, height_px=180))
     return figures
 
 
@@ -86,7 +93,9 @@ def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: 
     """
     time_s, e = run.time_s, run.estimates
     series, bands = estimated(time_s, e.speed_m_s, e.speed_std_m_s, truth_m_s)
-    limits = _around(*(s.y for s in series))
+    known = np.concatenate([s.y[np.isfinite(s.y)] for s in series])  # wheels that spin may leave the picture
+    margin = 0.2 * float(np.ptp(known)) + 0.05
+    limits = float(known.min()) - margin, float(known.max()) + margin
     if rolled_m_s is not None:
         series.insert(0, Series(time_s, rolled_m_s, "wheels, as if none slipped", role="background"))
     spans = flag_spans(time_s, e.flags, FLAG_MEANINGS)
@@ -101,26 +110,6 @@ def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None =
     alarms += spans_where(time_s, e.immobilised > 0.5, "immobilised", "comparison")
     title = f"Slip, {wheel.replace('_', ' ')}"
     return Figure(title, TIME, "Slip speed [m/s]", *curves, spans=alarms, height_px=220)
-
-
-def friction_figure(run: SlipRun) -> Figure:
-    """Friction relative to the assumed terrain; its standard deviation is relative too."""
-    share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]
-    series, band = [Series(run.time_s, share, "estimate", role="estimate")], lognormal_band_95(run.time_s, share, std)
-    return Figure("Friction over the assumed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
-
-
-def grade_figure(run: SlipRun) -> Figure:
-    """Grade of the ground, and whatever else disturbs the body as a grade would."""
-    curves = estimated(run.time_s, np.degrees(run.grade_rad), np.degrees(run.grade_std_rad))
-    return Figure("Grade", TIME, "Grade [degrees]", *curves, height_px=180)
-
-
-def _around(*values: np.ndarray) -> tuple[float, float]:
-    """Limits that hold these values; wheels that spin may leave the picture."""
-    known = np.concatenate([v[np.isfinite(v)] for v in values])
-    margin = 0.2 * float(np.ptp(known)) + 0.05
-    return float(known.min()) - margin, float(known.max()) + margin
 
 
 #: Ellipses along the path, and points on each.
@@ -157,15 +146,13 @@ def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str]
     curves = estimated(run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std)
     crossings = [Marker(crossing.time_s, "other floor", "alert") for crossing in run.crossings]
     robot = Figure("Slip of the robot", TIME, "Slip [%]", *curves, markers=crossings)
-    return [robot, *(floor_figure(run, k, wheel, floors) for k, wheel in enumerate(wheels))]
-
-
-def floor_figure(run: FloorRun, k: int, wheel: str, floors: Sequence[str]) -> Figure:
-    """Probability of each floor under one wheel."""
-    share = 100 * run.floor_probability[:, k]
-    series = [Series(run.time_s, share[:, j], name) for j, name in enumerate(floors)]
-    title = f"Floor under {wheel.replace('_', ' ')}"
-    return Figure(title, TIME, "Probability [%]", series=series, y_limits=(0.0, 100.0), height_px=140)
+    figures = [robot]
+    for k, wheel in enumerate(wheels):
+        share = 100 * run.floor_probability[:, k]
+        series = [Series(run.time_s, share[:, j], name) for j, name in enumerate(floors)]
+        title = f"Floor under {wheel.replace('_', ' ')}"
+        figures.append(Figure(title, TIME, "Probability [%]", series, y_limits=(0.0, 100.0), height_px=140))
+    return figures
 
 
 def calibration_figure(found: Calibration) -> Figure:
