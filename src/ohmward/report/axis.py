@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +52,8 @@ def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis
     low, high = _extent(figures)
     if labels != {TIME}:
         margin = _AXIS_MARGIN * (high - low)
-        left, right = (margin if _has_point(figures, end) else 0.0 for end in (low, high))
+        dots = [series.x for figure in figures for series in figure.series if series.style == "points"]
+        left, right = (margin if any(end in x for x in dots) else 0.0 for end in (low, high))
         return XAxis(labels.pop(), low - left, high + right, 1.0)
     if clock is not None:
         start, zone = clock
@@ -65,11 +65,6 @@ def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis
 
 #: Distance of a point from the end of the axis, as a share of its length.
 _AXIS_MARGIN = 0.03
-
-
-def _has_point(figures: Sequence[Figure], x: float) -> bool:
-    series = chain.from_iterable(figure.series for figure in figures)
-    return any(x in one.x for one in series if one.style == "points")
 
 
 def _extent(figures: Sequence[Figure]) -> tuple[float, float]:

@@ -31,16 +31,14 @@ def card(title: str, facts: Mapping[str, str], figure: Figure | Map | None = Non
         for name, value in facts.items()
         if value
     )
-    picture = "" if figure is None else f"<div>{_svg(figure)}<div>{escape(figure.y_label)}</div></div>"
+    picture = ""
+    if figure is not None:
+        drawn = _path(figure.lines[-1]) if isinstance(figure, Map) else _curves(figure)
+        picture = (
+            f'<div><svg viewBox="0 -2 {_CARD_WIDTH:g} {_CARD_HEIGHT + 4:g}" width="{_CARD_WIDTH:g}" role="img" '
+            f'aria-label="{escape(figure.title, quote=True)}">{drawn}</svg><div>{escape(figure.y_label)}</div></div>'
+        )
     return f'<div style="{_CARD}"><div><b>{escape(title)}</b><table>{rows}</table></div>{picture}</div>'
-
-
-def _svg(figure: Figure | Map) -> str:
-    drawn = _path(figure.lines[-1]) if isinstance(figure, Map) else _curves(figure)
-    return (
-        f'<svg viewBox="0 -2 {_CARD_WIDTH:g} {_CARD_HEIGHT + 4:g}" width="{_CARD_WIDTH:g}" role="img" '
-        f'aria-label="{escape(figure.title, quote=True)}">{drawn}</svg>'
-    )
 
 
 def _path(line: Line) -> str:

@@ -210,7 +210,11 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str =
 def _cell(cell: Cell, column_class: str) -> str:
     if isinstance(cell, HeatCell):
         return f'<td class="number heat-{cell.level}">{escape(cell.text)}</td>'
-    return f"<td{column_class}>{escape(_text(cell))}</td>"
+    if cell is None:
+        text = "–"
+    else:
+        text = f"{cell:.5g}" if isinstance(cell, float) else str(cell)
+    return f"<td{column_class}>{escape(text)}</td>"
 
 
 def _folded(blocks: Iterable[str]) -> Iterator[str]:
@@ -236,12 +240,6 @@ def _value(text: str) -> str:
     if match is None:
         return f'<b class="word">{escape(text)}</b>'
     return f"<b>{escape(match[1])}</b><span>{escape(match[2])}</span>"
-
-
-def _text(cell: Cell) -> str:
-    if cell is None:
-        return "–"
-    return f"{cell:.5g}" if isinstance(cell, float) else str(cell)
 
 
 def _all_numbers(column: Sequence[Cell]) -> bool:
