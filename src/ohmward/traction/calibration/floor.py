@@ -76,16 +76,6 @@ class FloorFit(NamedTuple):
     slip_std: float
 
 
-class DragFit(NamedTuple):
-    """Drag of a floor."""
-
-    #: shares of the load
-    rolling: float
-    roller: float
-    std: float  #: of both, relative
-    force_std: float  #: unexplained part of a force over its load
-
-
 def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> Floor:
     """The floor of these drives, for a robot whose radius and motors are calibrated.
 
@@ -106,10 +96,7 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
         stiffness_std=std[1],
         correlation=float(np.clip(law.cov[0, 1] / (std[0] * std[1]), -0.999, 0.999)),
         slip_std=law.slip_std,
-        rolling=drag.rolling,
-        roller=drag.roller,
-        drag_std=drag.std,
-        force_std=drag.force_std,
+        **drag,
         drives=len(drives),
         across=min(across, 1.0),
         across_std=std[2],
@@ -198,8 +185,8 @@ def _fit(p: Points, prior_std: np.ndarray) -> FloorFit:
     return FloorFit(values, cov, _between(residual.reshape(-1, wheels), p.drive))
 
 
-def fit_drag(s: Stretches, robot: Robot) -> DragFit:
-    """Rolling and roller share, and the force that they leave unexplained."""
+def fit_drag(s: Stretches, robot: Robot) -> dict[str, float]:
+    """Drag of a `Floor`: its shares of the load, and the force over the load that they leave unexplained."""
     force = traction(s, robot) - inertial_forces(robot, s.acceleration)
     known = np.isfinite(force).all(axis=1)
     force, drive = force[known], s.drive[known]
@@ -215,7 +202,9 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     expected = D @ shares
     scale = [np.sum(force[drive == d] * expected[drive == d]) / np.sum(expected[drive == d] ** 2) for d in set(drive)]
     spread = float(np.std(scale)) if len(scale) > 1 else 0.2
-    return DragFit(float(shares[0]), float(shares[1]), max(spread, 0.02), max(fit.std / mean_load(robot), 0.005))
+    rolling, roller = shares.tolist()
+    force_std = max(fit.std / mean_load(robot), 0.005)
+    return {"rolling": rolling, "roller": roller, "drag_std": max(spread, 0.02), "force_std": force_std}
 
 
 def _slip(values: np.ndarray, p: Points) -> np.ndarray:

@@ -386,14 +386,6 @@ _SPEED_RATIO = 2.0
 _HELD = 1e-9
 
 
-class RegressionRow(NamedTuple):
-    """Stretches and driven wheels as rows (K,): torque of the currents, columns (K, 5) of the fit, and the drive."""
-
-    torque_Nm: np.ndarray
-    columns: np.ndarray
-    drive: np.ndarray
-
-
 def calibrate_motor(
     drives: Sequence[CalibrationDrive], robot: Robot, rolling: tuple[float, float] = ROLLING
 ) -> tuple[Parameter, ...]:
@@ -417,22 +409,24 @@ def calibrate_motor(
         InputError: no stretch in which the wheels turn, or no motor currents.
     """
     stretches = cut(drives, robot, steady=False, length_s=_UNSTEADY_S)
-    row = rows(stretches, robot)
-    prior, prior_std = _prior(row, robot, rolling)
+    torque_Nm, columns, drive = rows(stretches, robot)
+    prior, prior_std = _prior(torque_Nm, columns, robot, rolling)
     slow, fast = np.quantile(travel_speed(stretches.rim), [0.1, 0.9])
     if not fast >= _SPEED_RATIO * slow:
         prior_std[DAMPING] = _HELD
-    fit = regress(row.columns, row.torque_Nm, row.drive, prior, prior_std)
+    fit = regress(columns, torque_Nm, drive, prior, prior_std)
     kappa = fit.beta[KAPPA]
     identified = is_identified(CONSTANT, float(kappa), float(np.sqrt(fit.cov[KAPPA, KAPPA])))
     if not identified:
         prior_std[KAPPA] = _HELD
-        fit = regress(row.columns, row.torque_Nm, row.drive, prior, prior_std)
+        fit = regress(columns, torque_Nm, drive, prior, prior_std)
     return _constant(fit, robot, identified), *_losses(fit, robot, prior_std)
 
 
-def rows(s: Stretches, robot: Robot) -> RegressionRow:
-    """The fit's rows; those without a current are left out.
+def rows(s: Stretches, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stretches and driven wheels as rows (K,): torque of the currents, columns (K, 5) of the fit, and the drive.
+
+    Those without a current are left out.
 
     Raises:
         InputError: no motor currents.
@@ -449,17 +443,19 @@ def rows(s: Stretches, robot: Robot) -> RegressionRow:
     known = np.isfinite(torque) & np.isfinite(columns).all(axis=-1)
     if not known.any():
         raise InputError("the motor cannot be calibrated without motor currents; the log has none")
-    return RegressionRow(torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known])
+    return torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known]
 
 
-def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def _prior(
+    torque_Nm: np.ndarray, columns: np.ndarray, robot: Robot, rolling: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
-    torque_Nm = _LOSS_STD_SHARE * float(np.mean(np.abs(row.torque_Nm)))
-    fastest = float(np.abs(row.columns[:, DAMPING]).max())
+    loss_std_Nm = _LOSS_STD_SHARE * float(np.mean(np.abs(torque_Nm)))
+    fastest = float(np.abs(columns[:, DAMPING]).max())
     roller_std = _ROLLER_STD if robot.chassis.rollers else _HELD
     motor = robot.motor
     mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
-    return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, torque_Nm, torque_Nm / fastest])
+    return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, loss_std_Nm, loss_std_Nm / fastest])
 
 
 def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:

@@ -81,7 +81,10 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     assumed = ["motors: a URDF has none; usual ones for the mass are assumed, so their currents give no forces yet"]
     if total_kg > 0:
         centre_m = np.average([link.centre_m for link in links], axis=0, weights=[link.mass_kg for link in links])
-        square_m2 = sum(_about_vertical(link, centre_m) for link in links) / total_kg
+        about_vertical = (
+            float(link.inertia[2, 2] + link.mass_kg * np.sum((link.centre_m - centre_m)[:2] ** 2)) for link in links
+        )
+        square_m2 = sum(about_vertical) / total_kg
     else:
         centre_m, square_m2 = np.mean([wheel.at_m for wheel in wheels], axis=0), 0.0
     chassis, names, words = _chassis(driven, _casters(links, wheels), float(centre_m[0]), str(path))
@@ -280,11 +283,6 @@ def _two_wheeled(
             "centre of gravity: a quarter of the way from axle to caster; where the masses put it, the robot tips over"
         )
         return TwoWheeled(axle_m - centre_m, track_m, tuple(place - centre_m for place in casters_m)), words
-
-
-def _about_vertical(link: _Link, centre: np.ndarray) -> float:
-    """Yaw inertia [kg m2] of a link about the vertical through the centre of gravity."""
-    return float(link.inertia[2, 2] + link.mass_kg * np.sum((link.centre_m - centre)[:2] ** 2))
 
 
 def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
