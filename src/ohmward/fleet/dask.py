@@ -94,7 +94,12 @@ def _connect(distributed: Any, address: str, timeout_s: float) -> Client:
         ) from error
     try:
         client.wait_for_workers(1, timeout=timeout_s)
-        _check_versions(client)
+        here = importlib.metadata.version("ohmward")
+        for worker, there in client.run(importlib.metadata.version, "ohmward", on_error="return").items():
+            if there != here:
+                raise InputError(
+                    f"the Dask worker {worker} has ohmward {there}, but this is {here}; install the same on all workers"
+                )
     except TimeoutError as error:
         client.close()
         raise InputError(f"the scheduler has no workers; start them with `dask worker {address}`") from error
@@ -102,13 +107,3 @@ def _connect(distributed: Any, address: str, timeout_s: float) -> Client:
         client.close()
         raise
     return client
-
-
-def _check_versions(client: Client) -> None:
-    """Raise InputError for a worker with another version of ohmward than this process."""
-    here = importlib.metadata.version("ohmward")
-    for worker, there in client.run(importlib.metadata.version, "ohmward", on_error="return").items():
-        if there != here:
-            raise InputError(
-                f"the Dask worker {worker} has ohmward {there}, but this is {here}; install the same on all workers"
-            )

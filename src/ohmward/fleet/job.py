@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -108,14 +108,6 @@ UNKNOWN_PAUSE_S = 3600.0
 _OVERLAP_S = 1.0
 
 
-class _Dated(NamedTuple):
-    """A log of a robot and the time of its first sample, since the first of the robot [s]."""
-
-    text: str
-    log: Log
-    start_s: float
-
-
 @dataclass(frozen=True)
 class RobotJob:
     """An estimator and its settings, the same for every robot; its items are robots."""
@@ -158,36 +150,43 @@ class RobotJob:
             last_stds = {std: float(getattr(found, std)[-1]) for std in STD_OF.values()}
             stds = {std: value if math.isfinite(value) else None for std, value in last_stds.items()}
             warnings = [note.text for note in log.notes if note.level == "warning"]
-            rows[text] = {"begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
+            begin_s = log.begin_unix_s
+            begins = None if begin_s is None else datetime.fromtimestamp(begin_s, UTC).isoformat(timespec="seconds")
+            rows[text] = {"begins": begins, **_row(text, log, battery, estimator.settings, found)}
             rows[text] |= stds | {"throughput_Ah": log.throughput_Ah(), "warnings": warnings}
             rows[text] |= _written(job.estimates, text, log, found)
             capacities.append((start_s + log.duration_s, float(found.soh_capacity[-1]), last_stds["soh_capacity_std"]))
-        change = _given_all_logs([rows[one.text] for one in logs], capacities, battery)
+        change = _given_all_logs([rows[text] for text, *_ in logs], capacities, battery)
         of_robot = {"robot": robot or None}
-        ordered = [of_robot | rows[text] for text in dict.fromkeys([*(one.text for one in logs), *texts])]
+        ordered = [of_robot | rows[text] for text in dict.fromkeys([*(text for text, *_ in logs), *texts])]
         error = None if logs else f"none of its {len(texts)} logs could be used: {ordered[0]['error']}"
         learnt = self._learn(robot, battery, estimator)
         return {"path": item, "robot": robot, "error": error, "logs": ordered, **change, **learnt}
 
-    def _read(self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]]) -> list[_Dated]:
-        """The logs that can be used, in order of time; `rows` gets the others, each with its reason."""
+    def _read(
+        self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]]
+    ) -> list[tuple[str, Log, float]]:
+        """The logs that can be used, in order of time, each with its name and its start since the first log [s].
+
+        `rows` gets the others, each with its reason.
+        """
         read = self.settings.read(texts, battery, rows, None)
         if all(log.start_unix_s is None for log in read.values()):
             # in the order in which they are given, with an assumed pause between them
             starts_s = accumulate((log.duration_s + UNKNOWN_PAUSE_S for log in read.values()), initial=0.0)
-            return [_Dated(text, log, start_s) for (text, log), start_s in zip(read.items(), starts_s, strict=False)]
+            return [(text, log, start_s) for (text, log), start_s in zip(read.items(), starts_s, strict=False)]
         for text, log in read.items():
             if log.start_unix_s is None:
                 why = next((f" ({note.text})" for note in log.notes if "date is left out" in note.text), "")
                 rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one{why}")
         dated = sorted((first, text, log) for text, log in read.items() if (first := log.begin_unix_s) is not None)
-        usable: list[_Dated] = []
+        usable: list[tuple[str, Log, float]] = []
         end_s, before = -math.inf, ""
         for first_s, text, log in dated:
             if first_s < end_s - _OVERLAP_S:
                 rows[text] = failed(text, f"{log.name}: overlaps in time with {before} of this robot: recorded twice?")
                 continue
-            usable.append(_Dated(text, log, first_s - dated[0][0]))
+            usable.append((text, log, first_s - dated[0][0]))
             end_s, before = first_s + log.duration_s, log.name
         return usable
 
@@ -221,9 +220,3 @@ def _given_all_logs(
     if is_known and len(rows) > 1:
         change |= {"soh_change": found.change.mean, "soh_change_std": found.change.std}
     return change
-
-
-def _date(log: Log) -> str | None:
-    """The time of the first sample in ISO 8601, UTC."""
-    begin_s = log.begin_unix_s
-    return None if begin_s is None else datetime.fromtimestamp(begin_s, UTC).isoformat(timespec="seconds")

@@ -161,7 +161,14 @@ class BatteryFiles:
         Raises:
             InputError: the log is of another battery than the file, or has no serial number to choose a file by.
         """
-        key = self._key(serial_number)
+        if self.output is None:
+            key = ""
+        elif not self.output.is_dir():
+            key = str(self.output)
+        elif serial_number:
+            key = str(self.output / f"{file_name(serial_number)}.toml")
+        else:
+            raise InputError("the log has no serial number, by which the file in the folder could be chosen")
         self._load(key, serial_number)
         own = self.after[key].serial_number
         if serial_number and own and serial_number != own:
@@ -177,15 +184,6 @@ class BatteryFiles:
         """Restore the battery of an interrupted run."""
         self._load(key, battery.serial_number)
         self.after[key] = battery
-
-    def _key(self, serial_number: str) -> str:
-        """Path of the file of the battery with this serial number."""
-        if not self.one_for_each:
-            return "" if self.output is None else str(self.output)
-        assert self.output is not None
-        if not serial_number:
-            raise InputError("the log has no serial number, by which the file in the folder could be chosen")
-        return str(self.output / f"{file_name(serial_number)}.toml")
 
     def _load(self, key: str, serial_number: str) -> None:
         """Load the battery of a file, once; in a folder an existing file is continued."""
