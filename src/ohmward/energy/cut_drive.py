@@ -59,15 +59,25 @@ def cut_drive(
         InputError: lengths differ, or nothing was measured long enough to be a stretch.
     """
     names = np.full(len(time_s), terrain, dtype=object) if isinstance(terrain, str) else np.array(terrain, dtype=object)
-    _check(time_s, speed_m_s, battery_W, names, grade_rad)
-    drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad)
-    labels = _labels(drive, names)
-    still = _still(drive.speed_m_s)
+    if len(time_s) < 2:
+        raise InputError(f"a drive needs at least 2 samples, got {len(time_s)}")
+    for values in (speed_m_s, battery_W, names, grade_rad):
+        if values is not None and np.shape(values) != np.shape(time_s):
+            raise InputError(
+                f"every column of a drive must have the length of time_s, {np.shape(time_s)}; got {np.shape(values)}"
+            )
+    speed, power = (between(time_s, values, BRIDGED_S) for values in (speed_m_s, battery_W))
+    grade = np.zeros(len(time_s))
+    if grade_rad is not None:  # an unknown slope is interpolated between its known neighbours
+        credible = np.where(np.abs(grade_rad) <= STEEPEST_RAD, grade_rad, np.nan)
+        grade = np.nan_to_num(between(time_s, credible))
+    height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
+    still = _still(speed)
     parts = []
-    for intervals in _pieces(time_s, labels):
+    for intervals in _pieces(time_s, _labels(time_s, np.isfinite(speed + power), still, names)):
         name = "" if still[intervals].all() else names[intervals.start]
         samples = slice(intervals.start, intervals.stop + 1)
-        parts.append(_driven(drive.rows(samples), name, payload_kg))
+        parts.append(_driven(time_s[samples], speed[samples], power[samples], height_m[samples], name, payload_kg))
     driven, _ = without_charger(parts)
     if not driven:
         raise InputError(
@@ -77,41 +87,13 @@ def cut_drive(
     return driven
 
 
-class _BridgedDrive(NamedTuple):
-    """Columns (T,) of a drive with short gaps bridged; height [m] since the start."""
-
-    time_s: np.ndarray
-    speed_m_s: np.ndarray
-    battery_W: np.ndarray
-    height_m: np.ndarray
-
-    def rows(self, rows: slice) -> _BridgedDrive:
-        """Part of the drive."""
-        return _BridgedDrive(*(column[rows] for column in self))
-
-
-def _bridged_drive(
-    time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None
-) -> _BridgedDrive:
-    """The drive with short gaps bridged; an unknown slope is interpolated between its known neighbours."""
-    speed = between(time_s, speed_m_s, BRIDGED_S)
-    grade = np.zeros(len(time_s))
-    if grade_rad is not None:
-        credible = np.where(np.abs(grade_rad) <= STEEPEST_RAD, grade_rad, np.nan)
-        grade = np.nan_to_num(between(time_s, credible))
-    height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
-    return _BridgedDrive(time_s, speed, between(time_s, battery_W, BRIDGED_S), height_m)
-
-
-def _labels(drive: _BridgedDrive, names: np.ndarray) -> np.ndarray:
+def _labels(time_s: np.ndarray, measured: np.ndarray, still: np.ndarray, names: np.ndarray) -> np.ndarray:
     """(T - 1,) label of each interval: the number of a terrain, standing, or unknown."""
-    time_s = drive.time_s
     known = sorted(set(names))
     labels = np.array([known.index(name) for name in names[:-1]])
-    for first, stop in runs(_still(drive.speed_m_s)):
+    for first, stop in runs(still):
         if time_s[stop] - time_s[first] >= STANDS_S:
             labels[first:stop] = _STANDS
-    measured = np.isfinite(drive.speed_m_s + drive.battery_W)
     labels[~(measured[:-1] & measured[1:]) | (np.diff(time_s) > BRIDGED_S)] = _UNKNOWN
     return labels
 
@@ -135,14 +117,16 @@ def _still(speed_m_s: np.ndarray) -> np.ndarray:
     return slow[:-1] & slow[1:]
 
 
-def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float) -> Driven:
-    """One stretch from all samples of `drive`, on one terrain, or standing where `terrain` is ""."""
-    t, v = drive.time_s, np.abs(drive.speed_m_s)
+def _driven(
+    t: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, height_m: np.ndarray, terrain: str, payload_kg: float
+) -> Driven:
+    """One stretch from all of these samples, on one terrain, or standing where `terrain` is ""."""
+    v = np.abs(speed_m_s)
     duration_s = float(t[-1] - t[0])
     stretch = Stretch(terrain, duration_s, payload_kg=payload_kg)
     if terrain:
         knots = np.linspace(t[0], t[-1], max(round(duration_s / HEIGHT_S), 1) + 1)
-        rise_m = np.diff(np.interp(knots, t, drive.height_m))
+        rise_m = np.diff(np.interp(knots, t, height_m))
         stretch = stretch._replace(
             distance_m=float(np.trapezoid(v, t)),
             speed_distance_m2_s=float(np.trapezoid(v * v, t)),
@@ -151,17 +135,7 @@ def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float) -> Driven:
             kinetic_m2_s2=float(0.5 * (v[-1] ** 2 - v[0] ** 2)),
             standing_s=float(np.diff(t)[_still(v)].sum()),
         )
-    return Driven(t[0], t[-1], stretch, float(np.trapezoid(drive.battery_W, t)))
-
-
-def _check(time_s: np.ndarray, *columns: np.ndarray | None) -> None:
-    if len(time_s) < 2:
-        raise InputError(f"a drive needs at least 2 samples, got {len(time_s)}")
-    for values in columns:
-        if values is not None and np.shape(values) != np.shape(time_s):
-            raise InputError(
-                f"every column of a drive must have the length of time_s, {np.shape(time_s)}; got {np.shape(values)}"
-            )
+    return Driven(t[0], t[-1], stretch, float(np.trapezoid(battery_W, t)))
 
 
 class DriveSample(NamedTuple):
