@@ -55,11 +55,22 @@ def drive_balance(
         InputError: no motor currents, or shapes that differ.
     """
     robot, current_A = p.robot, log.motor_current_A
-    _check(log, observed, battery_W, robot)
+    if current_A.shape[1] != robot.driven or not np.isfinite(current_A).any():
+        raise InputError(
+            f"log {log.name!r}: the energy balance needs the currents of all {robot.driven} motors; without them only "
+            "the battery's power is known"
+        )
+    for name, values in (("observed.speed_m_s", observed.speed_m_s), ("battery_W", battery_W)):
+        if values is not None and np.shape(values) != (len(log),):
+            raise InputError(f"{name} must have shape ({len(log)},) as the log, got {np.shape(values)}")
     omega = np.asarray(observed.wheel_speed_rad_s)
     copper = copper_loss(robot.motor, current_A).sum(axis=1)
     electrical = copper + (ideal_torque(robot.motor, current_A) * omega).sum(axis=1)
     idle = robot.idle_W if idle_W is None else idle_W
+    motion = _motion(observed, robot)
+    load_N = normal_loads(RobotInput(np.zeros(robot.driven)), robot, np.zeros(2))
+    wheels = zip(p.terrains, (motion @ robot.rolling.T).T, load_N, strict=True)
+    kinetic_J = kinetic_energy(np.column_stack([motion, observed.wheel_speed_rad_s]), robot.inertia)
     return EnergyBalance(
         battery=electrical + idle if battery_W is None else np.asarray(battery_W, dtype=float),
         electrical=electrical,
@@ -67,9 +78,9 @@ def drive_balance(
         copper=copper,
         drive=(friction_torque(robot.motor, current_A, omega) * omega).sum(axis=1),
         slip=np.nansum(observed.traction_N * observed.slip_speed_m_s, axis=1),
-        rolling=_rolling_W(observed, p),
+        rolling=-sum(t.rolling.force_N(v, np.full_like(v, N)) * v for t, v, N in wheels),
         climb=robot.mass_kg * GRAVITY * np.sin(observed.grade_rad) * np.asarray(observed.speed_m_s),
-        kinetic=_kinetic_rate_W(log.time_s, observed, robot),
+        kinetic=np.gradient(kinetic_J, log.time_s) if len(log) > 1 else np.zeros(len(log)),
     )
 
 
@@ -94,23 +105,6 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: SlipEstimate,
     )
 
 
-def _rolling_W(observed: SlipEstimate, p: Scene) -> np.ndarray:
-    """(T,) loss to rolling resistance on the assumed ground."""
-    robot = p.robot
-    travel = _motion(observed, robot) @ robot.rolling.T
-    load_N = normal_loads(RobotInput(np.zeros(robot.driven)), robot, np.zeros(2))
-    wheels = zip(p.terrains, travel.T, load_N, strict=True)
-    return -sum(t.rolling.force_N(v, np.full_like(v, N)) * v for t, v, N in wheels)
-
-
-def _kinetic_rate_W(time_s: np.ndarray, observed: SlipEstimate, robot: Robot) -> np.ndarray:
-    """(T,) rate of change of the kinetic energy of body and driven wheels."""
-    if len(time_s) < 2:
-        return np.zeros(len(time_s))
-    x = np.column_stack([_motion(observed, robot), observed.wheel_speed_rad_s])
-    return np.gradient(kinetic_energy(x, robot.inertia), time_s)
-
-
 def _motion(observed: SlipEstimate, robot: Robot) -> np.ndarray:
     """(T, freedoms) speeds of the body; for an omni-directional robot from its wheels, sideways speed included."""
     if robot.freedoms == 3:
@@ -119,17 +113,6 @@ def _motion(observed: SlipEstimate, robot: Robot) -> np.ndarray:
     motion[:, 0] = observed.speed_m_s
     motion[:, -1] = observed.yaw_rate_rad_s
     return motion
-
-
-def _check(log: DriveLog, observed: SlipEstimate, battery_W: np.ndarray | None, robot: Robot) -> None:
-    if log.motor_current_A.shape[1] != robot.driven or not np.isfinite(log.motor_current_A).any():
-        raise InputError(
-            f"log {log.name!r}: the energy balance needs the currents of all {robot.driven} motors; without them only "
-            "the battery's power is known"
-        )
-    for name, values in (("observed.speed_m_s", observed.speed_m_s), ("battery_W", battery_W)):
-        if values is not None and np.shape(values) != (len(log),):
-            raise InputError(f"{name} must have shape ({len(log)},) as the log, got {np.shape(values)}")
 
 
 def running_integral(x: np.ndarray, values: np.ndarray) -> np.ndarray:

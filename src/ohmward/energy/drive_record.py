@@ -159,13 +159,6 @@ def record_drive(
     return DriveRecord(log, motion.speed_m_s, battery_W, driven, balance, tuple(notes))
 
 
-def standing_power_W(driven: Sequence[Driven]) -> float | None:
-    """Mean power out of the battery while the robot stood [W]; None where it never did."""
-    standing = [d for d in driven if not d.stretch.terrain]
-    standing_s = sum(d.stretch.time_s for d in standing)
-    return sum(d.energy_J for d in standing) / standing_s if standing_s else None
-
-
 def _balance(
     wheels: ObservedWheels, time_s: np.ndarray, battery_W: np.ndarray, driven: Sequence[Driven]
 ) -> RecordedBalance | None:
@@ -174,7 +167,10 @@ def _balance(
     if not np.isfinite(drive.motor_current_A).any():
         return None
     at_drive_W = interpolated(drive.time_s, time_s, battery_W, BRIDGED_S)
-    power = drive_balance(drive, track.estimates, p, at_drive_W, standing_power_W(driven))
+    standing = [d for d in driven if not d.stretch.terrain]
+    standing_s = sum(d.stretch.time_s for d in standing)
+    idle_W = sum(d.energy_J for d in standing) / standing_s if standing_s else None
+    power = drive_balance(drive, track.estimates, p, at_drive_W, idle_W)
     return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, p.robot))
 
 

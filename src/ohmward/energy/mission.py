@@ -168,8 +168,11 @@ def analyse(
     ground = spelling(ground) if isinstance(ground, str) else [spelling(name) for name in ground]
     plan = replace(plan, leg=tuple(replace(leg, terrain=spelling(leg.terrain)) for leg in plan.leg)) if plan else None
     log = None if log is None else with_contradictions(check_log(log, battery), battery)
-    estimates = _estimates(battery, log, settings)
-    record = None
+    estimates: SocEstimate | None = None
+    record: DriveRecord | None = None
+    if log is not None and settings.soc is None:
+        estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
+        estimates = SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
     if log is not None:
         if robot is None or drive is None:
             motion = measured_motion(log, settings.speed_column, settings.speed_unit)
@@ -179,7 +182,10 @@ def analyse(
         record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
-    ahead = stretches_ahead(plan, record, consumption)
+    ahead = [stretch_of(leg) for leg in plan.legs] if plan else []
+    if record and not plan:
+        work_J = [standing_work_J(consumption, d.stretch, d.energy_J) for d in record.driven]
+        ahead = [d.stretch._replace(task_J=J) for d, J in zip(record.driven, work_J, strict=True)]
     known = credible(consumption, ahead)
     if known is not consumption:
         text = (
@@ -257,14 +263,6 @@ def cutoff_of(settings: MissionSettings, plan: Plan | None) -> float:
     return plan.cutoff_V if plan else 0.0
 
 
-def stretches_ahead(plan: Plan | None, record: DriveRecord | None, c: Consumption) -> list[Stretch]:
-    """Stretches of the plan's legs, else those of the drive with its work at standstill."""
-    if plan:
-        return [stretch_of(leg) for leg in plan.legs]
-    driven = record.driven if record else []
-    return [d.stretch._replace(task_J=standing_work_J(c, d.stretch, d.energy_J)) for d in driven]
-
-
 def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvice]:
     """Speed advice for each ground ahead, against the mean speed there."""
     advice = {}
@@ -273,14 +271,6 @@ def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvic
         speed_m_s = sum(s.speed_distance_m2_s for s in there) / sum(s.distance_m for s in there)
         advice[name] = speed_advice(c, name, speed_m_s, (_SLOWEST_ADVISED * speed_m_s, _FASTEST_ADVISED * speed_m_s))
     return advice
-
-
-def _estimates(battery: Battery, log: Log | None, settings: MissionSettings) -> SocEstimate | None:
-    """State of charge along the log; None without a log, or where the settings give it."""
-    if log is None or settings.soc is not None:
-        return None
-    estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
-    return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
 
 
 def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:

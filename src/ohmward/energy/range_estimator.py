@@ -11,7 +11,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.soc.clean_sample import is_temperature
+from ohmward.battery.soc.clean_sample import is_temperature, sample_limits
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, start
@@ -33,6 +33,7 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log, LogSource, as_log
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import snapshot
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
@@ -150,13 +151,13 @@ class RangeEstimator:
             InputError: anything but numbers.
         """
         amperes, volts = number("current_A", current_A), number("voltage_V", voltage_V)
-        battery_W = self.settings.battery_W(amperes, volts)
-        if math.isnan(battery_W):
+        limits = sample_limits(self.settings.battery.thevenin)
+        if not (limits.is_current(amperes) and limits.is_voltage(volts)):
             amperes = volts = math.nan
         drive = DriveSample(
             _credible(number("time_s", time_s), -snapshot.LARGEST, snapshot.LARGEST),
-            self.settings.speed_m_s(number("speed_m_s", speed_m_s)),
-            battery_W,
+            _credible(number("speed_m_s", speed_m_s), -FASTEST_M_S, FASTEST_M_S),
+            -amperes * volts,
             number("grade_rad", grade_rad),
             terrain or self.settings.terrain,
         )

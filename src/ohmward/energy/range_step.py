@@ -16,7 +16,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.soc.clean_sample import sample_limits
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, standing_work_J, with_ground, with_terrain
 from ohmward.energy.cut_drive import DriveMeter, DriveSample, advance
@@ -44,15 +43,12 @@ from ohmward.energy.range import (
     range_along,
     range_left,
     way_demand,
-    with_peaks,
 )
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, require_cutoff, usable_at
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LateSamples, clock_after
 from ohmward.filters.flags import SampleFlag
-from ohmward.filters.sanitize import within
-from ohmward.quantities import FASTEST_M_S
 
 #: Time [s] of the recent drive that the ground ahead is assumed to resemble.
 RECENT_S = 3600.0
@@ -178,16 +174,6 @@ class RangeSettings:
         if not self.terrain:
             raise InputError("terrain must be the name of a ground, got an empty text")
 
-    def battery_W(self, current_A: float, voltage_V: float) -> float:
-        """Power out of the battery; nan where current or voltage is not credible."""
-        limits = sample_limits(self.battery.thevenin)
-        credible = limits.is_current(current_A) and limits.is_voltage(voltage_V)
-        return -current_A * voltage_V if credible else math.nan
-
-    def speed_m_s(self, measured_m_s: float) -> float:
-        """The speed; nan where it is not credible."""
-        return measured_m_s if within(measured_m_s, FASTEST_M_S) else math.nan
-
     def init(self, consumption: Consumption) -> RangeState:
         """State before the first sample; consumption: at the start of the drive."""
         known = with_terrain(consumption, self.terrain)
@@ -271,18 +257,23 @@ class RangeSettings:
             ahead, flags = self.first_ground(), RangeFlag.NO_COST
         known = with_ground(known, (*ahead, *plan, *home_m))
         driven_s = _known(sample.drive.time_s - state.began_s, math.inf)
-        of_home = replace(
-            battery_now,
-            peaks=peaks_of_way(known, home_m, state.peak_ratio),
-            loaded_s=driven_s + total_time_s(home_m),
-        )
         if plan:
             left = range_along(known, plan, ahead, self.battery, battery_now, state.peak_ratio)
         else:
             of_ahead = replace(battery_now, peaks=peaks_of_way(known, ahead, state.peak_ratio))
             left = range_left(known, ahead, self.battery, of_ahead, is_known=False)
-        is_planned = isinstance(sample.home, Sequence)
-        probability = reach_probability(known, home_m, self.battery, of_home, is_planned) if home_m else math.nan
+        probability = math.nan
+        if home_m:
+            demand, home_s = way_demand(known, home_m, isinstance(sample.home, Sequence)).at(-1), total_time_s(home_m)
+            of_home = replace(
+                battery_now,
+                peaks=peaks_of_way(known, home_m, state.peak_ratio),
+                loaded_s=driven_s + home_s,
+                end=known.end,
+            )
+            z = normal_points(DIMENSIONS)
+            usable = usable_at(self.battery, of_home, demand.mean_J / home_s if home_s > 0.0 else 0.0, z[BATTERY])
+            probability = float(np.mean(needed_J(demand, z) <= usable))
         return RangeEstimate(left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, flags)
 
     def battery_now(self, state: RangeState, reserve_soc: float) -> BatteryState:
@@ -406,18 +397,6 @@ def usual_ground(c: Consumption) -> list[Stretch]:
         for name, v in zip(c.terrains, c.visits, strict=True)
         if v.distance_m > 0.0 and v.time_s > 0.0
     ]
-
-
-def reach_probability(
-    c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState, is_known: bool = True
-) -> float:
-    """Probability of driving these stretches with the reserve left; is_known: as for `range_left`."""
-    demand = way_demand(c, way, is_known).at(-1)
-    duration_s = total_time_s(way)
-    z = normal_points(DIMENSIONS)
-    power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
-    usable = usable_at(battery, with_peaks(battery_now, c, way), power_W, z[BATTERY])
-    return float(np.mean(needed_J(demand, z) <= usable))
 
 
 def _known(value: float, otherwise: float) -> float:

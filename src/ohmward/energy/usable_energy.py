@@ -229,7 +229,10 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
         unlikely += _failures(curves.peaks[min(_USUAL_LAG, len(curves.peaks) - 1)], state, drawn.resistance)
     if state.end is not None:
         unlikely += _misfit(battery, state, state.end, capacity, lag_s, drawn.resistance)
-    return drawn.rows(_resampled(unlikely)) if np.ptp(unlikely) > _UNINFORMATIVE else drawn, curves
+    if np.ptp(unlikely) <= _UNINFORMATIVE:
+        return drawn, curves
+    upto = np.cumsum(np.exp(unlikely.min() - unlikely))  # each row as often as it is likely
+    return drawn.rows(np.searchsorted(upto, (np.arange(len(upto)) + 0.5) / len(upto) * upto[-1])), curves
 
 
 def _between(values: np.ndarray, grid: np.ndarray) -> _Between:
@@ -238,12 +241,6 @@ def _between(values: np.ndarray, grid: np.ndarray) -> _Between:
     if len(grid) == 1:
         return _Between(below, np.zeros(values.shape))
     return _Between(below, np.clip((values - grid[below]) / (grid[below + 1] - grid[below]), 0.0, 1.0))
-
-
-def _resampled(unlikely: np.ndarray) -> np.ndarray:
-    """(N,) rows of the points, each as often as it is likely; unlikely: (N,) negative log-likelihoods."""
-    upto = np.cumsum(np.exp(unlikely.min() - unlikely))
-    return np.searchsorted(upto, (np.arange(len(upto)) + 0.5) / len(upto) * upto[-1])
 
 
 def _failures(peaks: np.ndarray, state: BatteryState, resistance: _Between) -> np.ndarray:
@@ -300,8 +297,9 @@ def _curves(battery: Battery, state: BatteryState, power_W: float) -> _Curves:
         row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC, state.loaded_s)
     )
     slow_ohm, fast_ohm = _resistances(state, r_ohm, peak_ohm)
-    voltage_V, holds = loaded_voltage(ocv_V, slow_ohm + fast_ohm, power_W)
-    margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
+    square = ocv_V**2 - 4 * (slow_ohm + fast_ohm) * max(power_W, 0.0)
+    voltage_V = 0.5 * (ocv_V + np.sqrt(np.maximum(square, 0.0)))
+    margin_V = np.where(square >= 0.0, voltage_V - state.cutoff_V, _NO_POWER_V)
     whole_J = SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
     peaks = None
     if state.peaks is not None and power_W > 0.0:
@@ -364,7 +362,8 @@ def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn) -> np.ndarray:
     if curves.peaks is None:
         return end_J
     by_peaks = np.stack([_end_by_peaks_J(curves.whole_J, of_lag, drawn) for of_lag in curves.peaks])
-    return np.maximum(end_J, _between_levels(by_peaks, drawn.lag))
+    low, high = (_rows(by_peaks, np.minimum(drawn.lag.below + k, len(by_peaks) - 1)) for k in (0, 1))
+    return np.maximum(end_J, low + drawn.lag.share * (high - low))
 
 
 def _end_by_peaks_J(whole_J: np.ndarray, peaks: np.ndarray, drawn: _Drawn) -> np.ndarray:
@@ -376,12 +375,6 @@ def _end_by_peaks_J(whole_J: np.ndarray, peaks: np.ndarray, drawn: _Drawn) -> np
         low, high = (np.interp(upto[here], peaks[::-1, k], whole_J[::-1, k], right=0.0) for k in (column, column + 1))
         end_J[here] = low + resistance.share[here] * (high - low)
     return end_J
-
-
-def _between_levels(levels: np.ndarray, between: _Between) -> np.ndarray:
-    """(N,) values between those of each level (L, N)."""
-    low, high = _rows(levels, between.below), _rows(levels, np.minimum(between.below + 1, len(levels) - 1))
-    return low + between.share * (high - low)
 
 
 def _at_resistance(table: np.ndarray, between: _Between) -> np.ndarray:
@@ -398,12 +391,6 @@ def _at_both(table: np.ndarray, soc: np.ndarray, between: _Between) -> np.ndarra
     next_rows = table[row[:, None] + np.arange(2), between.below[:, None] + 1]
     at_low, at_high = (pair[:, 0] + (position - row) * (pair[:, 1] - pair[:, 0]) for pair in (rows, next_rows))
     return at_low + between.share * (at_high - at_low)
-
-
-def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
-    """Terminal voltage [V] at this power, and True where it can be delivered; a power below zero counts as zero."""
-    square = ocv_V**2 - 4 * r_ohm * max(power_W, 0.0)
-    return 0.5 * (ocv_V + np.sqrt(np.maximum(square, 0.0))), square >= 0.0
 
 
 def usable_J(found: Discharge) -> np.ndarray:
