@@ -14,6 +14,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series, Span
 from ohmward.report.page import embed
+from ohmward_lab.cli.demo.command import with_chapter
 
 EVIL = "</script><script>alert('x')</script><b>&amp; \u2028 \"quoted\" $title ${body}"
 VOID = {"meta", "link", "br", "img", "hr", "input"}
@@ -150,7 +151,7 @@ def test_contents_link_to_the_headings():
 
 def test_a_chapter_shows_what_another_page_shows_first():
     other = Page("Other").numbers({"Capacity": "3 Ah"}).plot(figure()).heading("Result").text("a lot more")
-    page = Page("All").chapter("One", other).chapter("Two", other).text("the end")
+    page = with_chapter(with_chapter(Page("All"), "One", other), "Two", other).text("the end")
     document = Document(page.html())
     assert page.headings == ("One", "Two")
     assert [text for tag, text in document.texts if tag == "h2"] == ["One", "Two"]
@@ -160,7 +161,7 @@ def test_a_chapter_shows_what_another_page_shows_first():
 
 def test_a_chapter_may_take_sections_with_it():
     other = Page("Other").text("first").heading("Plan").text("a plan").heading("Result").text("a lot more")
-    page = Page("All").chapter("One", other, sections=1).text("the end")
+    page = with_chapter(Page("All"), "One", other, sections=1).text("the end")
     titles = [(tag, text) for tag, text in Document(page.html()).texts if tag in ("h2", "h3")]
     assert titles == [("h2", "One"), ("h3", "Plan")]
     assert "a plan" in page.html() and "a lot more" not in page.html()

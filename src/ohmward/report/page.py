@@ -73,22 +73,6 @@ class Page:
         page = replace(self, headings=(*self.headings, text))
         return page._with(f'<h2 id="{escape(_anchor(len(self.headings), text))}">{escape(text)}</h2>')
 
-    def chapter(self, title: str, page: Page, sections: int = 0) -> Page:
-        """A section with the beginning of another page: the blocks before its headings, then its first sections."""
-        headed = self.heading(title)
-        return replace(headed, body=(*headed.body, *page._beginning(sections)))
-
-    def _beginning(self, sections: int) -> Iterator[str]:
-        """Blocks before the first heading, then those of the first sections with headings one level lower."""
-        titles = iter(self.headings[:sections])
-        for block in self.body:
-            if not block.startswith("<h2"):
-                yield block
-            elif title := next(titles, None):
-                yield f"<h3>{escape(title)}</h3>"
-            else:
-                return
-
     def text(self, text: str) -> Page:
         """Paragraphs, split at blank lines."""
         return self._with(_paragraphs(text))
@@ -131,8 +115,10 @@ class Page:
     def _pieces(self) -> Iterator[str]:
         """The whole page piece by piece: its blocks may be large."""
         code = "\n".join(map(_asset, _CODE))
+        digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
         values = {
-            "policy": _content_policy(code),
+            # the browser loads nothing and runs only this code, whatever the texts of the page contain
+            "policy": f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'",
             "title": escape(self.title),
             "subtitle": f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
             "contents": _contents(self.headings),
@@ -168,12 +154,6 @@ class Page:
 @cache
 def _asset(name: str) -> str:
     return files("ohmward.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _content_policy(code: str) -> str:
-    """Policy by which the browser loads nothing and runs only this code, whatever the texts of the page contain."""
-    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
-    return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
 
 
 def _contents(headings: Sequence[str]) -> str:

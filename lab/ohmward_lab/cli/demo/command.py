@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -183,5 +185,20 @@ def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Pa
     page = page.numbers({label.capitalize(): value for label, value in figures.items()})
     for name, (title, sections) in CHAPTERS.items():
         if make := outcomes[name].page:
-            page = page.chapter(title, make(), sections)
+            page = with_chapter(page, title, make(), sections)
     return page
+
+
+def with_chapter(page: Page, title: str, other: Page, sections: int = 0) -> Page:
+    """The page with the beginning of another one: blocks before its first heading, then its first sections."""
+    page = page.heading(title)
+    titles = iter(other.headings[:sections])
+    blocks = []
+    for block in other.body:
+        if not block.startswith("<h2"):
+            blocks.append(block)
+        elif section := next(titles, None):
+            blocks.append(f"<h3>{escape(section)}</h3>")
+        else:
+            break
+    return replace(page, body=(*page.body, *blocks))
