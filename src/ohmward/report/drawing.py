@@ -43,9 +43,12 @@ def add_line(ax: Any, x: np.ndarray, y: np.ndarray, colour: str, label: str, sty
 
 def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
     place = x_axis.place
-    for span in _one_of_each(figure.spans):
+    named: set[str] = set()
+    for span in figure.spans:
         shade = {"color": _colour(MEANING[span.role]), "alpha": 0.12, "linewidth": 0}
-        ax.axvspan(place(span.x_from), place(span.x_to), label=span.label, **shade)
+        label = f"_{span.label}" if span.label in named else span.label  # the legend names each once
+        named.add(span.label)
+        ax.axvspan(place(span.x_from), place(span.x_to), label=label, **shade)
     for band in figure.bands:
         shade = {"color": _colour(MEANING[band.role]), "alpha": 0.2, "linewidth": 0}
         x, low, high = envelope(band.x, band.low, band.high, _THINNING_COLUMNS)
@@ -68,16 +71,6 @@ def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
     ax.margins(x=0.0)
     ax.grid(color=_colour("grey"), alpha=0.25, linewidth=0.5)
     add_legend(ax, right)
-
-
-def _one_of_each(spans: Sequence[Any]) -> list[Any]:
-    """The spans, with each label kept on its first span only, so that the legend names it once."""
-    seen: set[str] = set()
-    named = []
-    for span in spans:
-        named.append(span if span.label not in seen else span._replace(label=f"_{span.label}"))
-        seen.add(span.label)
-    return named
 
 
 def add_legend(*axes: Any) -> None:
