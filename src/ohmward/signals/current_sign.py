@@ -208,9 +208,13 @@ def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray)
     steady = _longest_steady(time_s, current_A)
     if steady is None or time_s[steady][-1] - time_s[steady][0] < _TREND_LEAST_S:
         return 0
-    means = _part_means(time_s[steady], voltage_V[steady])
-    moves = np.diff(means)
-    noise = max(spread(np.diff(voltage_V[steady])), resolution(voltage_V))
+    time_s, of_steady_V = time_s[steady], voltage_V[steady]
+    part = np.searchsorted(np.linspace(time_s[0], time_s[-1], _TREND_PARTS + 1)[1:-1], time_s, side="right")
+    count = np.bincount(part, minlength=_TREND_PARTS)
+    if not count.all():
+        return 0
+    moves = np.diff(np.bincount(part, of_steady_V, _TREND_PARTS) / count)
+    noise = max(spread(np.diff(of_steady_V)), resolution(voltage_V))
     one_way = bool(np.all(moves > 0) or np.all(moves < 0))
     if not one_way or abs(moves.sum()) < CLEAR_T * noise or abs(moves[-1]) < 0.5 * abs(moves[1]):
         return 0
@@ -261,12 +265,3 @@ def _longest_steady(time_s: np.ndarray, current_A: np.ndarray) -> slice | None:
     if not stretches:
         return None
     return slice(*max(stretches, key=lambda stretch: time_s[stretch[1] - 1] - time_s[stretch[0]]))
-
-
-def _part_means(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Means of the parts of equal duration; a part without samples repeats its neighbour, which is no trend."""
-    edges = np.linspace(time_s[0], time_s[-1], _TREND_PARTS + 1)[1:-1]
-    part = np.searchsorted(edges, time_s, side="right")
-    count = np.bincount(part, minlength=_TREND_PARTS)
-    means = np.bincount(part, weights=values, minlength=_TREND_PARTS) / np.maximum(count, 1)
-    return means if count.all() else np.zeros(_TREND_PARTS)

@@ -182,7 +182,10 @@ def _fit(p: Points, prior_std: np.ndarray) -> FloorFit:
     wheels = p.force_share.shape[1]
     g = scores(J, residual, np.repeat(p.drive, wheels)) / std**2
     cov = H_inv @ (g.T @ g + P0_inv) @ H_inv
-    return FloorFit(values, cov, _between(residual.reshape(-1, wheels), p.drive))
+    by_wheel = residual.reshape(-1, wheels)
+    means = np.array([by_wheel[p.drive == d].mean(axis=0) for d in np.unique(p.drive)])  # of each drive
+    slip_std = float(np.sqrt(np.mean((means if len(means) > 1 else by_wheel) ** 2)))
+    return FloorFit(values, cov, max(slip_std, _LEAST_SLIP_STD))
 
 
 def fit_drag(s: Stretches, robot: Robot) -> dict[str, float]:
@@ -218,10 +221,3 @@ def _jacobian(values: np.ndarray, p: Points) -> np.ndarray:
     """Slope of the slip over the values, (K driven, 5), by central differences."""
     nudges = _NUDGE * np.eye(values.size)
     return np.column_stack([(_slip(values + e, p) - _slip(values - e, p)) / (2 * _NUDGE) for e in nudges])
-
-
-def _between(residual: np.ndarray, drive: np.ndarray) -> float:
-    """Root mean square over drives and wheels of the mean residual (K, wheels) of a drive."""
-    means = np.array([residual[drive == d].mean(axis=0) for d in np.unique(drive)])
-    spread = np.sqrt(np.mean(means**2)) if len(means) > 1 else np.sqrt(np.mean(residual**2))
-    return max(float(spread), _LEAST_SLIP_STD)

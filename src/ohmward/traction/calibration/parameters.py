@@ -10,7 +10,7 @@ sandwich of few groups is too small. It holds although the rows of one group are
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -415,12 +415,27 @@ def calibrate_motor(
     if not fast >= _SPEED_RATIO * slow:
         prior_std[DAMPING] = _HELD
     fit = regress(columns, torque_Nm, drive, prior, prior_std)
-    kappa = fit.beta[KAPPA]
-    identified = is_identified(CONSTANT, float(kappa), float(np.sqrt(fit.cov[KAPPA, KAPPA])))
-    if not identified:
+    motor, kappa, kappa_std = robot.motor, float(fit.beta[KAPPA]), float(np.sqrt(fit.cov[KAPPA, KAPPA]))
+    own = motor.torque_constant_Nm_per_A
+    if is_identified(CONSTANT, kappa, kappa_std):
+        found = [Parameter(CONSTANT, own / kappa, kappa_std * own / kappa**2)]
+    else:
+        reason = "the robot hardly accelerates, and only its mass shows it"
+        found = [Parameter(CONSTANT, own, _KAPPA_STD * own, reason)]
         prior_std[KAPPA] = _HELD
         fit = regress(columns, torque_Nm, drive, prior, prior_std)
-    return _constant(fit, robot, identified), *_losses(fit, robot, prior_std)
+        kappa = float(fit.beta[KAPPA])
+    alike = "the speeds are too much alike"
+    if prior_std[DAMPING] != _HELD:
+        alike = f"it is small, or {alike}"
+    for i, name, own, reason in (
+        (FRICTION, "motor.friction_Nm", motor.friction_Nm, "the rolling resistance of the floor hides it"),
+        (DAMPING, "motor.damping_Nms_per_rad", motor.damping_Nms_per_rad, alike),
+    ):
+        value, std = float(fit.beta[i]) / kappa, float(np.sqrt(fit.cov[i, i])) / kappa
+        shown = is_identified(name, value, std)
+        found.append(Parameter(name, value, std) if shown else Parameter(name, own, std, reason))
+    return tuple(found)
 
 
 def rows(s: Stretches, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -456,25 +471,3 @@ def _prior(
     motor = robot.motor
     mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
     return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, loss_std_Nm, loss_std_Nm / fastest])
-
-
-def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
-    """K_m = K_file / kappa."""
-    file, kappa = robot.motor.torque_constant_Nm_per_A, float(fit.beta[KAPPA])
-    if not identified:
-        return Parameter(CONSTANT, file, _KAPPA_STD * file, "the robot hardly accelerates, and only its mass shows it")
-    return Parameter(CONSTANT, file / kappa, float(np.sqrt(fit.cov[KAPPA, KAPPA])) * file / kappa**2)
-
-
-def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> Iterator[Parameter]:
-    """Friction and damping, over kappa; the robot's own where they are not identified."""
-    motor, kappa = robot.motor, float(fit.beta[KAPPA])
-    alike = "the speeds are too much alike"
-    if prior_std[DAMPING] != _HELD:
-        alike = f"it is small, or {alike}"
-    for i, name, own, reason in (
-        (FRICTION, "motor.friction_Nm", motor.friction_Nm, "the rolling resistance of the floor hides it"),
-        (DAMPING, "motor.damping_Nms_per_rad", motor.damping_Nms_per_rad, alike),
-    ):
-        value, std = float(fit.beta[i]) / kappa, float(np.sqrt(fit.cov[i, i])) / kappa
-        yield Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)

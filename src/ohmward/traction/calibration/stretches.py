@@ -190,7 +190,16 @@ def cut(
     found = Stretches(*(np.array(column) for column in zip(*rows, strict=True)))
     if not keep_stuck:
         found = Stretches(*(values[~stuck(found)] for values in found))
-    return found if turning or not robot.chassis.scrubs else _straight(found, robot)
+    if turning or not robot.chassis.scrubs:
+        return found
+    by_turning_m_s = np.ptp(robot.rolling[:, -1]) * np.abs(found.motion[:, -1])
+    straight = by_turning_m_s <= STRAIGHT_SHARE * travel_speed(found.motion)  # hardly a wheel is dragged sideways
+    if not straight.any():
+        raise InputError(
+            f"{robot.name} drags its wheels sideways in turns, and no stretch of the drives is straight; add a drive "
+            "straight ahead, or calibrate the track alone (--what track, parts=('track',))"
+        )
+    return Stretches(*(values[straight] for values in found))
 
 
 def stuck(s: Stretches) -> np.ndarray:
@@ -206,18 +215,6 @@ def stuck(s: Stretches) -> np.ndarray:
     ratio = body_m_s / np.maximum(rim_m_s, SLOWEST_M_S)
     usual = np.quantile(ratio[rim_m_s >= np.median(rim_m_s[rolls])], 0.75)
     return rolls & (ratio < STUCK_SHARE * usual)
-
-
-def _straight(found: Stretches, robot: Robot) -> Stretches:
-    """Those in which hardly any wheel is dragged sideways; InputError where there are none."""
-    by_turning_m_s = np.ptp(robot.rolling[:, -1]) * np.abs(found.motion[:, -1])
-    straight = by_turning_m_s <= STRAIGHT_SHARE * travel_speed(found.motion)
-    if not straight.any():
-        raise InputError(
-            f"{robot.name} drags its wheels sideways in turns, and no stretch of the drives is straight; add a drive "
-            "straight ahead, or calibrate the track alone (--what track, parts=('track',))"
-        )
-    return Stretches(*(values[straight] for values in found))
 
 
 def _of_drive(

@@ -99,12 +99,16 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         for wheel in driven
         if wheel.axis[1] < 0
     ]
+    # the mean of the wheels; a uniform disc if they have no inertia
+    widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
+    inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
+    disc_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * (mass_kg or total_kg)
     robot = Robot(
         name=root.get("name") or Path(path).stem,
         mass_kg=mass_kg or total_kg,
         yaw_inertia_kg_m2=(mass_kg or total_kg) * square_m2,
         chassis=chassis,
-        wheel=_wheel(driven, radius, mass_kg or total_kg),
+        wheel=Wheel(radius, float(np.mean(widths)) if widths else WIDTH * radius, inertia or disc_kg * radius**2 / 2),
         motor=generic_motor(mass_kg or total_kg, radius, len(driven)),
         height_m=max(0.0, float(centre_m[2] - driven[0].at_m[2]) + radius) if total_kg > 0 else 0.0,
     )
@@ -114,16 +118,6 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         unit.name: roll_pitch_yaw(unit.frame) for unit in units if not np.allclose(unit.frame, np.eye(3), atol=1e-3)
     }
     return UrdfRobot(robot, joints, turned, tuple(assumed))
-
-
-def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
-    """Mean of the wheels; a uniform disc if they have no inertia."""
-    widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
-    inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
-    wheel_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * mass_kg
-    return Wheel(
-        radius_m, float(np.mean(widths)) if widths else WIDTH * radius_m, inertia or wheel_kg * radius_m**2 / 2
-    )
 
 
 def _root(path: str | PathLike[str]) -> ElementTree.Element:
