@@ -229,7 +229,8 @@ def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand
     H = np.cumsum([jacobian(c, s, x) for s, x in zip(stretches, rows, strict=True)], axis=0)
     all_J2 = np.einsum("ki,ij,kj->k", H, c.cov, H)
     day_J2 = np.einsum("ki,ij,kj->k", H[:, effects], c.cov[np.ix_(effects, effects)], H[:, effects])
-    slope_J = np.cumsum([energy_of_slope_J(c, s, x) for s, x in zip(stretches, rows, strict=True)])
+    flat = [s._replace(climb_m=0.0, descent_m=0.0, kinetic_m2_s2=0.0) if s.terrain else s for s in stretches]
+    slope_J = np.cumsum([float((x - design_row(c, s)) @ c.mean) for s, x in zip(flat, rows, strict=True)])
     model_J2 = (c.prior.model_std * mean_J) ** 2 + (c.prior.slope_std * slope_J) ** 2
     return EnergyDemand(
         mean_J,
@@ -341,17 +342,6 @@ def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
     with_speed_J = max(float(c.mean[SPEED]), 0.0) * stretch.speed_distance_m2_s
     at_wheels_J = mass_ratio(c, stretch) * (steady_J + with_speed_J) / max(float(c.mean[CLIMB]), 1.0)
     return at_wheels_J + energy_gained_J(c, stretch)
-
-
-def energy_of_slope_J(c: Consumption, stretch: Stretch, x: np.ndarray) -> float:
-    """Energy [J] of a stretch compared with level ground, < 0 downhill: climb, braking and heat.
-
-    x: (6 + 2 K,) design row of the stretch.
-    """
-    if not stretch.terrain:
-        return 0.0
-    level = design_row(c, stretch._replace(climb_m=0.0, descent_m=0.0, kinetic_m2_s2=0.0))
-    return float((x - level) @ c.mean)
 
 
 def moving_time_s(stretch: Stretch) -> float:

@@ -131,25 +131,22 @@ class LiveEstimator(ABC, Generic[S, E]):
     @property
     def kernel(self) -> Kernel:
         """The step, compiled when it is first asked for; estimators of equal settings share it."""
-        if self._kernel is None:
-            self._kernel = self._shared_kernel()
-        return self._kernel
-
-    def _shared_kernel(self) -> Kernel:
-        """The step of another estimator of equal settings, else one compiled now; those used last are kept."""
+        if self._kernel is not None:
+            return self._kernel
         key = (type(self), self.settings, self.lowering, os.environ.get("OHMWARD_LOWERING"))
         try:
             hash(key)
         except TypeError:  # settings that hold a list or an array: equal ones cannot be found
-            return self.compiled()
+            self._kernel = self.compiled()
+            return self._kernel
         with _KERNELS_LOCK:
             found = _KERNELS.pop(key, None)
-        kernel = found or self.compiled()
+        self._kernel = found or self.compiled()
         with _KERNELS_LOCK:
-            _KERNELS[key] = kernel
+            _KERNELS[key] = self._kernel
             if len(_KERNELS) > MOST_KERNELS:
                 del _KERNELS[next(iter(_KERNELS))]
-        return kernel
+        return self._kernel
 
     @property
     def state(self) -> Any:

@@ -122,7 +122,11 @@ def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, scaling: 
     output = propagate(h, sigma)
     _require_output(output, y, R)
     S = mirror_lower(covariance(output, output, belief.cov) + R)
-    K = gain(covariance(unchanged(sigma), output, belief.cov), S)
+    n = len(sigma.offsets)
+    x = PropagatedPairs(  # the points themselves
+        belief.mean, sigma.offsets, np.full(n, 2.0), np.zeros((n, n + 1)), tuple(range(n)), sigma.weights
+    )
+    K = gain(covariance(x, output, belief.cov), S)
     nu = y - output.mean
     A = sigma.offsets - K * (0.5 * output.difference_unit) @ output.differences
     pair = sigma.weights.pair
@@ -236,13 +240,6 @@ def in_pairs(images: Sequence[np.ndarray], sigma: SigmaPairs) -> PropagatedPairs
         repeated_state=repeated,
         weights=w,
     )
-
-
-def unchanged(sigma: SigmaPairs) -> PropagatedPairs:
-    """The sigma points after x -> x."""
-    n = len(sigma.offsets)
-    states = tuple(range(n))
-    return PropagatedPairs(sigma.points[0], sigma.offsets, np.full(n, 2.0), np.zeros((n, n + 1)), states, sigma.weights)
 
 
 def _repeated_state(column: np.ndarray, points: np.ndarray) -> int | None:

@@ -76,7 +76,12 @@ def _side_by_side(
     samples = [samples_of(log) for log in logs]
     order = np.argsort([-len(log) for log in logs], kind="stable")
     lengths = np.array([len(logs[i]) for i in order])
-    columns = SocSample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(SocSample._fields))))
+    columns = []  # tables (T, B) with a log in each column, contiguous in memory; nan after its end
+    for k in range(len(SocSample._fields)):
+        table = np.full((len(logs), lengths[0]), np.nan)
+        for row, i in zip(table, order, strict=True):
+            row[: len(logs[i])] = samples[i][k]
+        columns.append(table.T)
     firsts = [row_of(samples[i], 0) for i in order]
     on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
     states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
@@ -95,14 +100,6 @@ def _side_by_side(
             fields.append((whole[0] if len(whole) == 1 else np.concatenate(whole))[:length])
         results[i] = SocEstimate(*fields)
     return results
-
-
-def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
-    """Table (T, B) with a log in each column, contiguous in memory; nan after its end."""
-    table = np.full((len(columns), length), np.nan)
-    for row, column in zip(table, columns, strict=True):
-        row[: len(column)] = column
-    return table.T
 
 
 def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
