@@ -298,9 +298,30 @@ class Figure:
             raise InputError(
                 f"figure {self.title!r}: a series on the right axis needs right_label, for example 'I [A]'"
             )
-        _check_limits(self)
-        if self.log_y:
-            _check_positive(self)
+        edges = [marker.x for marker in self.markers]
+        for span in self.spans:
+            edges += [span.x_from, span.x_to]
+        edges += self.y_limits or ()
+        if not np.isfinite(edges).all():
+            raise InputError(f"figure {self.title!r}: markers, spans and y_limits must be finite, got {edges}")
+        for span in self.spans:
+            if span.x_from > span.x_to:
+                raise InputError(
+                    f"span {span.label!r}: x_from must not exceed x_to, got {span.x_from:g} > {span.x_to:g}"
+                )
+        if self.y_limits is not None and not self.y_limits[0] < self.y_limits[1]:
+            raise InputError(f"figure {self.title!r}: y_limits must ascend, got {self.y_limits}")
+        if not self.log_y:
+            return
+        if self.y_limits is not None and self.y_limits[0] <= 0:
+            raise InputError(f"figure {self.title!r}: y_limits of a log axis must be positive, got {self.y_limits}")
+        left = [(one.label, one.y) for one in self.series if one.axis == "left"]
+        for label, values in left + [(band.label, band.low) for band in self.bands]:
+            if (values <= 0).any():
+                raise InputError(
+                    f"figure {self.title!r}: log_y needs values > 0, {label!r} has {np.nanmin(values):g}; "
+                    "set those to NaN, or use a linear axis"
+                )
 
 
 def _columns(label: str, **columns: np.ndarray) -> list[np.ndarray]:
@@ -327,32 +348,3 @@ def _check_ascending(label: str, x: np.ndarray) -> None:
             f"series {label!r}: x must ascend, got {x[i]:g} before {x[i + 1]:g} at index {i}; sort it, "
             "make one series of each branch, or use style='points'"
         )
-
-
-def _check_limits(figure: Figure) -> None:
-    edges = [marker.x for marker in figure.markers]
-    for span in figure.spans:
-        edges += [span.x_from, span.x_to]
-    edges += figure.y_limits or ()
-    if not np.isfinite(edges).all():
-        raise InputError(f"figure {figure.title!r}: markers, spans and y_limits must be finite, got {edges}")
-    for span in figure.spans:
-        if span.x_from > span.x_to:
-            raise InputError(f"span {span.label!r}: x_from must not exceed x_to, got {span.x_from:g} > {span.x_to:g}")
-    if figure.y_limits is None:
-        return
-    if not figure.y_limits[0] < figure.y_limits[1]:
-        raise InputError(f"figure {figure.title!r}: y_limits must ascend, got {figure.y_limits}")
-    if figure.log_y and figure.y_limits[0] <= 0:
-        raise InputError(f"figure {figure.title!r}: y_limits of a log axis must be positive, got {figure.y_limits}")
-
-
-def _check_positive(figure: Figure) -> None:
-    series = [(one.label, one.y) for one in figure.series if one.axis == "left"]
-    bands = [(band.label, band.low) for band in figure.bands]
-    for label, values in series + bands:
-        if (values <= 0).any():
-            raise InputError(
-                f"figure {figure.title!r}: log_y needs values > 0, {label!r} has {np.nanmin(values):g}; "
-                "set those to NaN, or use a linear axis"
-            )

@@ -410,12 +410,18 @@ def calibrate_motor(
     """
     stretches = cut(drives, robot, steady=False, length_s=_UNSTEADY_S)
     torque_Nm, columns, drive = rows(stretches, robot)
-    prior, prior_std = _prior(torque_Nm, columns, robot, rolling)
+    motor = robot.motor
+    loss_std_Nm = _LOSS_STD_SHARE * float(np.mean(np.abs(torque_Nm)))
+    roller_std = _ROLLER_STD if robot.chassis.rollers else _HELD
+    damping_std = loss_std_Nm / float(np.abs(columns[:, DAMPING]).max())
+    # of kappa, rolling, roller, friction and damping
+    prior = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
+    prior_std = np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, loss_std_Nm, damping_std])
     slow, fast = np.quantile(travel_speed(stretches.rim), [0.1, 0.9])
     if not fast >= _SPEED_RATIO * slow:
         prior_std[DAMPING] = _HELD
     fit = regress(columns, torque_Nm, drive, prior, prior_std)
-    motor, kappa, kappa_std = robot.motor, float(fit.beta[KAPPA]), float(np.sqrt(fit.cov[KAPPA, KAPPA]))
+    kappa, kappa_std = float(fit.beta[KAPPA]), float(np.sqrt(fit.cov[KAPPA, KAPPA]))
     own = motor.torque_constant_Nm_per_A
     if is_identified(CONSTANT, kappa, kappa_std):
         found = [Parameter(CONSTANT, own / kappa, kappa_std * own / kappa**2)]
@@ -459,15 +465,3 @@ def rows(s: Stretches, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray
     if not known.any():
         raise InputError("the motor cannot be calibrated without motor currents; the log has none")
     return torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known]
-
-
-def _prior(
-    torque_Nm: np.ndarray, columns: np.ndarray, robot: Robot, rolling: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
-    loss_std_Nm = _LOSS_STD_SHARE * float(np.mean(np.abs(torque_Nm)))
-    fastest = float(np.abs(columns[:, DAMPING]).max())
-    roller_std = _ROLLER_STD if robot.chassis.rollers else _HELD
-    motor = robot.motor
-    mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
-    return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, loss_std_Nm, loss_std_Nm / fastest])
