@@ -21,7 +21,7 @@ from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import SocReference, soc_reference
 from ohmward.battery.soc.voltage_faults import wrong_starts
-from ohmward.cli.options import UNKNOWN
+from ohmward.cli.options import HINTS, UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.filters.estimator import row_of
@@ -144,41 +144,23 @@ class SocTask(NamedTuple):
 
 def read_options(args: argparse.Namespace) -> ReadOptions:
     """How to read logs, from the options of `add_log_options` or `add_drive_options`."""
-    hints = FileHints(
-        names=tuple(name.strip() for name in args.names.split(",")) if args.names else None,
-        encoding=args.encoding,
-        time_format=args.time_format,
-        timezone=args.timezone,
-        start=vars(args)["from"],
-        stop=args.to,
-        sample_time_s=getattr(args, "row_interval_s", None),
-        temperature_degC=getattr(args, "temperature", None),
-        dbc=args.dbc,
-    )
+    names = tuple(name.strip() for name in args.names.split(",")) if args.names else None
+    hints = FileHints(**{field: getattr(args, field, None) for field in HINTS.values()})._replace(names=names)
     sign = vars(args).get("current_sign", "auto")
     return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
 
 
 def reading_words(reading: ReadOptions) -> list[str]:
     """The words of a command line that `read_options` turns into these options."""
-    hints = reading.hints
+    names = reading.hints.names and ",".join(reading.hints.names)
+    hints = reading.hints._replace(names=names)
     repeated = {"--column": reading.columns, "--unit": reading.units, "--where": reading.where}
     words: list[str] = []
     for option, pairs in repeated.items():
         for pair in pairs:
             words += [option, "=".join(pair)]
-    once = {
-        "--current-sign": None if reading.current_sign == "auto" else reading.current_sign,
-        "--names": hints.names and ",".join(hints.names),
-        "--encoding": hints.encoding,
-        "--time-format": hints.time_format,
-        "--timezone": hints.timezone,
-        "--from": hints.start,
-        "--to": hints.stop,
-        "--sample-time": hints.sample_time_s,
-        "--temperature": hints.temperature_degC,
-        "--dbc": hints.dbc,
-    }
+    once = {"--current-sign": None if reading.current_sign == "auto" else reading.current_sign}
+    once |= {option: getattr(hints, field) for option, field in HINTS.items()}
     for option, value in once.items():
         if value is not None:
             words += [option, str(value)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from ohmward.cli.parser import floats, gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.hints import TOPIC
@@ -15,6 +16,19 @@ DEFAULT_TERRAIN = "dry asphalt"
 
 #: Quantities whose columns --truth of a drive may name, in this order, and their dimensions.
 TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
+
+#: Options of facts about a file, and their fields of `FileHints`, under which they stand among the arguments.
+HINTS = {
+    "--names": "names",
+    "--encoding": "encoding",
+    "--time-format": "time_format",
+    "--timezone": "timezone",
+    "--from": "start",
+    "--to": "stop",
+    "--sample-time": "sample_time_s",
+    "--temperature": "temperature_degC",
+    "--dbc": "dbc",
+}
 
 #: Word for an unknown current at rest.
 UNKNOWN = "unknown"
@@ -33,9 +47,7 @@ def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -
         group, "what a positive current in the file does to the battery; auto finds it from the voltage (default)"
     )
     _add_reading_options(group, "time, current, voltage or temperature", "current=mA", interval)
-    group.add_argument(
-        "--temperature", type=number, metavar="C", help="temperature of the battery [degC], where the log has none"
-    )
+    _add_hint(group, "--temperature", "C", "temperature of the battery [degC], where the log has none", number)
 
 
 def add_current_sign_option(group: argparse._ActionsContainer, what: str) -> None:
@@ -213,12 +225,10 @@ def _add_reading_options(group: argparse._ArgumentGroup, kinds: str, unit: str, 
         ("--to", "TIME", "its end, not included"),
         ("--dbc", "FILE", "database of the bus (DBC, KCD, SYM, ARXML), of a recording of CAN frames"),
     ):
-        group.add_argument(option, metavar=metavar, help=text)
+        _add_hint(group, option, metavar, text)
     if interval:
-        group.add_argument(
-            "--sample-time",
-            dest="row_interval_s",
-            type=positive,
-            metavar="S",
-            help="interval between rows [s], where the log has no time",
-        )
+        _add_hint(group, "--sample-time", "S", "interval between rows [s], where the log has no time", positive)
+
+
+def _add_hint(group: argparse._ArgumentGroup, option: str, metavar: str, text: str, type_: Any = str) -> None:
+    group.add_argument(option, dest=HINTS[option], type=type_, metavar=metavar, help=text)
