@@ -13,12 +13,13 @@ import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
-from ohmward.onboard.ros.zenoh_transport import ZenohTransport
+from ohmward.onboard.ros.zenoh_transport import ZenohTransport, full_name
 from ohmward.optional import require
 
 #: Accepts a serialised message and the identity of its publisher; called from a thread of the transport.
@@ -38,34 +39,6 @@ _LOOK_S, _TURN_S = 0.01, 0.1
 _QUEUE = 1000
 #: Most messages of a topic in one poll, so that one topic cannot keep the others waiting.
 _MOST_TAKEN = 100
-
-
-class Transport(Protocol):
-    """Connection for messages to and from other nodes."""
-
-    def advertise(self, topic: str, type_: str) -> None:
-        """Announce to the other nodes that messages will come on a topic."""
-        ...
-
-    def publish(self, topic: str, type_: str, payload: bytes) -> None:
-        """Send a serialised message."""
-        ...
-
-    def subscribe(self, topic: str, type_: str, receive: Receive) -> None:
-        """Receive the messages of a topic from now on."""
-        ...
-
-    def serve(self, name: str, act: Callable[[], str]) -> None:
-        """Offer a service of type `std_srvs/Trigger`, which answers with the sentence of `act`."""
-        ...
-
-    def check(self) -> None:
-        """Raise `OhmwardError` if the connection is lost."""
-        ...
-
-    def close(self) -> None:
-        """End publishers and subscriptions."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -91,8 +64,7 @@ class RosNetwork:
     @property
     def full_name(self) -> str:
         """Name of the node with its namespace, "/robot1/ohmward"; the node alone without one."""
-        parts = list(filter(None, self.namespace.split("/")))
-        return "/".join(["", *parts, self.node]) if parts else self.node
+        return full_name(self.namespace, self.node) if self.namespace.strip("/") else self.node
 
     @property
     def uses_rclpy(self) -> bool:
@@ -103,9 +75,15 @@ class RosNetwork:
         """Open the connection to other nodes.
 
         Raises:
+            InputError: the domain in the environment is not valid.
             OhmwardError: no router of zenoh, or a package is not installed.
         """
-        domain = domain_of_environment() if self.domain is None else self.domain
+        domain = self.domain
+        if domain is None:
+            given = os.environ.get("ROS_DOMAIN_ID") or "0"
+            if not given.isdecimal() or int(given) > MOST_DOMAIN:
+                raise InputError(f"the environment variable ROS_DOMAIN_ID must be 0 to {MOST_DOMAIN}, got {given!r}")
+            domain = int(given)
         if self.uses_rclpy:
             rclpy = require("rclpy", 'transport = "rclpy"')
             context = require("rclpy.context", 'transport = "rclpy"').Context()
@@ -151,7 +129,8 @@ class SharedNode:
         """The connection to other nodes, for as long as a part needs it; errors as in `RosNetwork.open`."""
         async with self._lock:
             if self._transport is None:
-                self._transport = await asyncio.to_thread(self._open)
+                open_ = self._network.open if self._node is None else partial(RclpyTransport, self._node)
+                self._transport = await asyncio.to_thread(open_)
             self._users += 1
         try:
             yield self._transport
@@ -161,9 +140,6 @@ class SharedNode:
                 if not self._users:
                     transport, self._transport = self._transport, None
                     await asyncio.to_thread(transport.close)
-
-    def _open(self) -> Transport:
-        return self._network.open() if self._node is None else RclpyTransport(self._node)
 
 
 def require_topics(topics: Mapping[str, str]) -> None:
@@ -188,18 +164,6 @@ def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> 
                     f"{input_} and {output} are both {topic}: ohmward would take its own estimates for measurements; "
                     f'give one of them another topic, the second for example "ohmward/{topic.rpartition("/")[2]}"'
                 )
-
-
-def domain_of_environment() -> int:
-    """The domain in the environment variable ROS_DOMAIN_ID; 0 if it is not set.
-
-    Raises:
-        InputError: it is not a valid domain.
-    """
-    given = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not given.isdecimal() or int(given) > MOST_DOMAIN:
-        raise InputError(f"the environment variable ROS_DOMAIN_ID must be 0 to {MOST_DOMAIN}, got {given!r}")
-    return int(given)
 
 
 class RclpyTransport:
@@ -252,7 +216,7 @@ class RclpyTransport:
         self._subscriptions.append(_Subscription(made, receive))
 
     def serve(self, name: str, act: Callable[[], str]) -> None:
-        """Offer a service of type `std_srvs/Trigger`; without that package there is none."""
+        """Offer a service of type `std_srvs/Trigger`, answered by a sentence; without that package there is none."""
         if find_spec("std_srvs") is None:
             return
         trigger = require("std_srvs.srv", "services of ROS").Trigger
@@ -294,6 +258,10 @@ class RclpyTransport:
                 if time.monotonic() >= turn_s:
                     self._executor.spin_once(0.0)
                     turn_s = time.monotonic() + _TURN_S
+
+
+#: Connection for serialised messages to and from other nodes.
+Transport = RclpyTransport | ZenohTransport
 
 
 def message_class(type_: str) -> object:
