@@ -64,7 +64,7 @@ def driven(battery, robot=None, seconds=300, at_s=1000.0):
 def test_a_snapshot_comes_back_and_the_one_before_stays(tmp_path):
     write_snapshot(tmp_path, {"a": 1})
     write_snapshot(tmp_path, {"a": 2})
-    assert (read_snapshot(tmp_path).content or {})["a"] == 2
+    assert read_snapshot(tmp_path)[0]["a"] == 2
     assert json.loads((tmp_path / PREVIOUS).read_text())["a"] == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([NAME, PREVIOUS])
 
@@ -75,12 +75,12 @@ def test_a_damaged_snapshot_is_named_and_the_one_before_is_used(tmp_path, damage
     write_snapshot(tmp_path, {"a": 2})
     (tmp_path / NAME).write_text(damage)
     content, note = read_snapshot(tmp_path)
-    assert (content or {})["a"] == 1
+    assert content["a"] == 1
     assert NAME in note
 
 
 def test_no_snapshot_is_no_fault(tmp_path):
-    assert read_snapshot(tmp_path) == (None, "")
+    assert read_snapshot(tmp_path) == ({}, "")
 
 
 def test_a_cut_at_any_byte_leaves_a_snapshot(tmp_path):
@@ -89,7 +89,7 @@ def test_a_cut_at_any_byte_leaves_a_snapshot(tmp_path):
     whole = (tmp_path / NAME).read_bytes()
     for length in range(len(whole)):
         (tmp_path / NAME).write_bytes(whole[:length])
-        assert (read_snapshot(tmp_path).content or {})["a"] == 1
+        assert read_snapshot(tmp_path)[0]["a"] == 1
 
 
 @pytest.mark.usefixtures("in_python")
@@ -510,12 +510,12 @@ def test_the_charge_goes_on_after_every_kill(tmp_path, battery):
                 time.sleep(draw.uniform(0.0, 0.3))
             finally:
                 process.send_signal(signal.SIGKILL)
-        found = read_snapshot(tmp_path / "state")
-        assert found.content is not None, found.note
-        assert found.note == ""
-        restored = SocEstimator.restore(load_battery(tmp_path / "battery.toml"), found.content["soc"])
+        content, note = read_snapshot(tmp_path / "state")
+        assert content, note
+        assert note == ""
+        restored = SocEstimator.restore(load_battery(tmp_path / "battery.toml"), content["soc"])
         assert restored.state is not None
-        charge = found.content["charge"]
+        charge = content["charge"]
         if before is not None:
             moved = abs(charge["soc"] - before["soc"])
             assert moved <= 0.02 + 2.0 * before["std"]

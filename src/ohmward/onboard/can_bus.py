@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.can_file import load_can_database
@@ -95,19 +95,17 @@ class CanPort:
         return OhmwardError(f"{self.channel} has failed ({error}); is the adapter plugged in and the link up?")
 
 
-class Frame(NamedTuple):
-    """A frame of a bus, `message` of python-can, and the monotonic time of its receipt."""
-
-    message: Any
-    received_s: float
-
-
 @asynccontextmanager
-async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) -> AsyncIterator[Handover[Frame]]:
-    """Frames of a bus, read in a thread; reading fails if the bus fails or goes off."""
+async def frames_of(
+    port: CanPort, filters: list[dict[str, Any]] | None = None
+) -> AsyncIterator[Handover[tuple[Any, float]]]:
+    """Frames of a bus, messages of python-can, with the monotonic times of their receipt.
+
+    They are read in a thread; reading fails if the bus fails or goes off.
+    """
     bus = port.open(filters)
 
-    def read() -> Frame | None:
+    def read() -> tuple[Any, float] | None:
         message = bus.recv(_RECEIVE_S)
         if message is None or message.is_remote_frame:
             return None
@@ -118,20 +116,13 @@ async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) 
                     f"ip link set {port.channel} type can restart-ms 100 lets it come back by itself"
                 )
             return None
-        return Frame(message, time.monotonic())
+        return message, time.monotonic()
 
     try:
         async with read_in_thread(port.channel, read, port.failed, _RECEIVE_S) as frames:
             yield frames
     finally:
         bus.shutdown()
-
-
-class CanSignal(NamedTuple):
-    """A signal of a database: `frame` is cantools' message, `signal` its signal."""
-
-    frame: Any
-    signal: Any
 
 
 class CanDatabase:
@@ -165,8 +156,8 @@ class CanDatabase:
             return None
         return {f"{frame.name}.{name}": number for name, number in numbers.items()}
 
-    def find(self, name: str) -> CanSignal:
-        """The signal of a name.
+    def find(self, name: str) -> tuple[Any, Any]:
+        """The message and the signal of cantools of a name.
 
         Raises:
             InputError: there is none; the message names the nearest.
@@ -175,7 +166,7 @@ class CanDatabase:
         if frame := self._frames.get(message):
             for found in frame.signals:
                 if found.name == signal:
-                    return CanSignal(frame, found)
+                    return frame, found
         near = difflib.get_close_matches(name, self.signals, n=3, cutoff=0.0)
         raise InputError(
             f"{name!r} is not in {Path(self.path).name}; write MESSAGE.SIGNAL, such as {', '.join(near) or 'none'}"
@@ -198,11 +189,11 @@ class CanDecoder:
         self._frames: set[tuple[int, bool]] = set()
         scaled: dict[str, str] = {}
         for name, uses in wiring.signals.items():
-            found = database.find(name)
+            frame, signal = database.find(name)
             for quantity, scale, _ in uses:
-                if line := _line_with_scale(name, quantity, scale, found.signal.unit):
-                    scaled[f"{name} is in {found.signal.unit}"] = line
-            self._frames.add((found.frame.frame_id, found.frame.is_extended_frame))
+                if line := _line_with_scale(name, quantity, scale, signal.unit):
+                    scaled[f"{name} is in {signal.unit}"] = line
+            self._frames.add((frame.frame_id, frame.is_extended_frame))
         if scaled:
             raise InputError(f"{', '.join(scaled)}; write below signals\n" + "\n".join(scaled.values()))
 
@@ -234,8 +225,8 @@ class CanEncoder:
         self._frames: dict[str, tuple[Any, list[tuple[str, Any, ScaledSignal]]]] = {}
         for name, given in signals.items():
             scaled = given if isinstance(given, ScaledSignal) else ScaledSignal(given)
-            found = database.find(scaled.name)
-            self._frames.setdefault(found.frame.name, (found.frame, []))[1].append((name, found.signal, scaled))
+            frame, signal = database.find(scaled.name)
+            self._frames.setdefault(frame.name, (frame, []))[1].append((name, signal, scaled))
 
     @property
     def identifiers(self) -> dict[tuple[int, bool], str]:

@@ -7,7 +7,6 @@ import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from ohmward.errors import OhmwardError
 
@@ -28,15 +27,8 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
 _OPENER = urllib.request.build_opener(_NoRedirect)
 
 
-class Answer(NamedTuple):
-    """Status of an answer, and the beginning of its text, or the reason given with its status."""
-
-    status: int
-    text: str
-
-
-def post(url: str, text: str, headers: Mapping[str, str]) -> Answer:
-    """Post a text to a server and return its answer.
+def post(url: str, text: str, headers: Mapping[str, str]) -> tuple[int, str]:
+    """Post a text to a server; returns the status of its answer and the beginning of its text, or the status's reason.
 
     Raises:
         OhmwardError: the server cannot be reached.
@@ -44,9 +36,9 @@ def post(url: str, text: str, headers: Mapping[str, str]) -> Answer:
     request = urllib.request.Request(url, text.encode(), dict(headers), method="POST")
     try:
         with _OPENER.open(request, timeout=TIMEOUT_S) as answer:
-            return Answer(answer.status, answer.read(_ANSWER_BYTES).decode("utf-8", "replace").strip())
+            return answer.status, answer.read(_ANSWER_BYTES).decode("utf-8", "replace").strip()
     except urllib.error.HTTPError as error:
-        return Answer(error.code, error.read(_ANSWER_BYTES).decode("utf-8", "replace").strip() or str(error.reason))
+        return error.code, error.read(_ANSWER_BYTES).decode("utf-8", "replace").strip() or str(error.reason)
     except (OSError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", error)
         place = urllib.parse.urlsplit(url).netloc

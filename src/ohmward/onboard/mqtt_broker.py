@@ -30,20 +30,6 @@ class Payload(NamedTuple):
     retained: bool = False  #: True if the broker has kept it from before the subscription
 
 
-class Connection(NamedTuple):
-    """A connection to a broker: paho's client, and what it receives."""
-
-    client: Any
-    received: Handover[Payload]
-
-
-class Will(NamedTuple):
-    """Retained payload that the broker publishes when the connection is lost."""
-
-    topic: str
-    payload: str
-
-
 @dataclass(frozen=True)
 class MqttBroker:
     """A broker."""
@@ -71,8 +57,10 @@ class MqttBroker:
             raise InputError("ca_file without TLS; write tls = true")
 
     @asynccontextmanager
-    async def connected(self, will: Will | None = None) -> AsyncIterator[Connection]:
-        """A connection, closed at the end.
+    async def connected(self, will: tuple[str, str] | None = None) -> AsyncIterator[tuple[Any, Handover[Payload]]]:
+        """A connection, paho's client and what it receives, closed at the end.
+
+        will: topic and retained payload that the broker publishes when the connection is lost.
 
         Raises:
             OhmwardError: the broker is not there, or refuses.
@@ -81,7 +69,7 @@ class MqttBroker:
         received: Handover[Payload] = Handover()
         client = self._client(received)
         if will:
-            client.will_set(will.topic, will.payload, qos=1, retain=True)
+            client.will_set(*will, qos=1, retain=True)
         connected = asyncio.Event()
         loop = asyncio.get_running_loop()
 
@@ -104,10 +92,10 @@ class MqttBroker:
                     OhmwardError(f"{self._place} does not answer as an MQTT broker; check host, port and tls")
                 )
                 await received.take()
-            yield Connection(client, received)
+            yield client, received
         finally:
             if will:  # who disconnects by itself has no last will
-                client.publish(will.topic, will.payload, qos=0, retain=True)  # qos 1 might wait behind others
+                client.publish(*will, qos=0, retain=True)  # qos 1 might wait behind others
             client.disconnect()
             await asyncio.to_thread(client.loop_stop)
 

@@ -25,7 +25,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ohmward.atomic import held_folder, write_text
 from ohmward.battery.battery import Battery
@@ -79,8 +79,8 @@ class StateFolder:
         self.path, self.learn, self.clock, self.live = path, learn, clock or SystemClock(), live
         self.consumption_path = consumption or path / CONSUMPTION
         self._held = held_folder(path, "state")
-        found = read_snapshot(path)
-        self.before, self.notes = found.content or {}, [found.note] if found.note else []
+        self.before, note = read_snapshot(path)
+        self.notes = [note] if note else []
         if self.before and self.before.get("live", True) != live:
             self._start_over()
         self.away_s = self._away_s()
@@ -236,13 +236,6 @@ def boot_id() -> str:
         return ""
 
 
-class FoundSnapshot(NamedTuple):
-    """Content of the newest intact snapshot, None without one; note: what is wrong with newer ones."""
-
-    content: dict[str, Any] | None
-    note: str = ""
-
-
 def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
     """Write a snapshot; the previous one stays beside it.
 
@@ -258,17 +251,17 @@ def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
     write_text(newest, json.dumps(sealed(content), allow_nan=False))
 
 
-def read_snapshot(folder: Path) -> FoundSnapshot:
-    """The newest intact snapshot."""
+def read_snapshot(folder: Path) -> tuple[dict[str, Any], str]:
+    """The newest intact snapshot, empty without one, and what is wrong with newer ones."""
     notes: list[str] = []
     for name in (NAME, PREVIOUS):
         try:
-            return FoundSnapshot(_read(folder / name), "; ".join(notes))
+            return _read(folder / name), "; ".join(notes)
         except FileNotFoundError:
             continue
         except (InputError, OSError, ValueError, RecursionError) as error:
             notes.append(f"{folder / name} cannot be used ({error})")
-    return FoundSnapshot(None, "; ".join(notes))
+    return {}, "; ".join(notes)
 
 
 def _read(path: Path) -> dict[str, Any]:

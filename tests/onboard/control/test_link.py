@@ -358,12 +358,12 @@ def test_the_check_publishes_nothing(tmp_path):
         )
 
         async def published():
-            async with MqttSource(host="127.0.0.1", port=broker.port, topics=("#",)).connected() as listener:
-                listener.client.subscribe("#")
+            async with MqttSource(host="127.0.0.1", port=broker.port, topics=("#",)).connected() as (client, received):
+                client.subscribe("#")
                 setup = Setup(robot="rlma", source=(SimulationSource(),), sink=sinks)
                 trial = await asyncio.to_thread(try_setup, setup, 1.5)
                 with pytest.raises(TimeoutError):
-                    await asyncio.wait_for(listener.received.take(), 0.3)
+                    await asyncio.wait_for(received.take(), 0.3)
                 return trial
 
         trial = asyncio.run(published())
@@ -495,12 +495,12 @@ def test_torques_go_to_ros_as_arrays_and_to_mqtt_as_objects(tmp_path):
     async def by_mqtt(broker):
         got: list[Any] = []
         drives = MqttSource(host="127.0.0.1", port=broker.port, topics=("drives",))
-        async with drives.connected() as listener:
-            listener.client.subscribe("drives")
+        async with drives.connected() as (listener, received):
+            listener.subscribe("drives")
             async with MqttOutput("127.0.0.1", broker.port, topic="drives").opened(list(numbers)) as send:
                 await asyncio.sleep(0.3)
                 send(numbers)
-                got += await listener.received.take()
+                got += await received.take()
         return json.loads(got[0].payload)
 
     try:

@@ -13,7 +13,7 @@ from typing import Any
 from ohmward.errors import InputError, OhmwardError
 from ohmward.json_values import plain
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.mqtt_broker import MqttBroker, Will
+from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.page.metrics import home_assistant
 from ohmward.onboard.page.view import view
 from ohmward.onboard.robot_state import RobotState, number_at, plain_state, require_path
@@ -48,10 +48,10 @@ class MqttSink(MqttBroker):
     async def run(self, feed: Feed) -> None:
         """Publish states until the feed ends."""
         status = f"{self.topic}/status"
-        async with self.connected(Will(status, "offline")) as (client, _):
+        async with self.connected((status, "offline")) as (client, _):
             client.publish(status, "online", qos=1, retain=True)
-            for topic, about in self.discovery():
-                client.publish(topic, json.dumps(about), qos=1, retain=True)
+            for topic, about in home_assistant(self.topic, self.robot) if self.home_assistant else ():
+                client.publish(f"{self.home_assistant}/{topic}", json.dumps(about), qos=1, retain=True)
             alarms: tuple[str, ...] | None = None
             while states := await feed.batch(_STATES_AT_ONCE):
                 sent: list[tuple[RobotState, list[Any]]] = []
@@ -69,12 +69,6 @@ class MqttSink(MqttBroker):
         """Connect without publishing anything."""
         async with self.connected() as (_, received):
             await received.take()
-
-    def discovery(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Topics and objects by which Home Assistant finds the robot."""
-        if self.home_assistant:
-            for topic, about in home_assistant(self.topic, self.robot):
-                yield f"{self.home_assistant}/{topic}", about
 
     def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
         """Topics and payloads of a state; an unknown number has an empty payload, which deletes the retained one."""

@@ -79,14 +79,14 @@ class WebhookSink:
         text = json.dumps(message, ensure_ascii=False)
         while True:
             try:
-                answer = await asyncio.to_thread(post, url, text, headers)
+                status, answer = await asyncio.to_thread(post, url, text, headers)
                 place = urllib.parse.urlsplit(url).netloc
-                refusal = f"{place} refuses ({answer.status} {answer.text}); check url and token"
+                refusal = f"{place} refuses ({status} {answer}); check url and token"
                 feed.trouble = ""
-                if answer.status in _FOR_GOOD:
+                if status in _FOR_GOOD:
                     LOG.error("alarm %s is not sent: %s", message["alarm"], refusal)
                     feed.trouble = f"alarm {message['alarm']} was not sent: {refusal}"
-                elif not 200 <= answer.status < 300:
+                elif not 200 <= status < 300:
                     raise OhmwardError(refusal)
                 return
             except OhmwardError as error:

@@ -43,13 +43,13 @@ class MqttSource(MqttBroker):
         """Put the messages of the topics until the connection is lost."""
         wiring = Wiring(self.signals)
         faulty = FaultyInput(self.name, "payloads are neither a number nor a JSON object with wired keys")
-        async with self.connected() as connection:
+        async with self.connected() as (client, received):
             topics = {name.partition(_KEY)[0] for name in wiring.signals} | set(self.topics)
-            result, _ = connection.client.subscribe([(topic, 0) for topic in sorted(topics)])
+            result, _ = client.subscribe([(topic, 0) for topic in sorted(topics)])
             if result:
                 raise OhmwardError(f"{self.host}:{self.port} takes no subscription to {', '.join(sorted(topics))}")
             while True:
-                for payload in await connection.received.take():
+                for payload in await received.take():
                     if payload.retained:
                         continue
                     if message := self.message(payload, wiring):
