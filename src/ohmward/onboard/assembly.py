@@ -16,7 +16,7 @@ from ohmward.onboard.control.outputs import MqttOutput
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import no_such_part
-from ohmward.onboard.part import LOG, SharingPart, Sink, Source, is_live
+from ohmward.onboard.part import LOG, Sink, Source, is_live, sharing
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
@@ -57,7 +57,7 @@ def on_one_node(
             async with node_of_all.opened() as transport:
                 await part.run_on(transport, other)
 
-        return SharingPart(part, run)
+        return sharing(part, run)
 
     return [shared(source) for source in sources], [shared(sink) for sink in sinks]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import reprlib
-from collections.abc import Awaitable, Callable, Coroutine
-from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Awaitable, Callable
+from copy import copy
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -15,6 +15,8 @@ from ohmward.onboard.message import Put
 from ohmward.onboard.robot_state import Diagnostic, Level
 
 LOG = logging.getLogger("ohmward.onboard")
+
+T = TypeVar("T")
 
 #: Wait before a source or sink restarts, or rows are sent again [s]: doubled each time. It is reset once the source or
 #: sink has run for longer than the longest wait, or rows have been sent.
@@ -78,27 +80,11 @@ def feed_interval_s(sink: Sink) -> float:
     return 0.0 if getattr(sink, "takes_all", False) else sink.interval_s
 
 
-@dataclass(frozen=True)
-class SharingPart:
-    """A source or sink that runs on a node, clock or drives shared with others; otherwise unchanged."""
-
-    part: Any
-    run: Callable[[Any], Coroutine[Any, Any, None]]
-
-    @property
-    def name(self) -> str:
-        """Name in diagnostics and logs."""
-        return self.part.name
-
-    @property
-    def live(self) -> bool:
-        """Liveness of the source."""
-        return is_live(self.part)
-
-    @property
-    def interval_s(self) -> float:
-        """Least time between two states in the sink's feed."""
-        return feed_interval_s(self.part)
+def sharing(part: T, run: Callable[[Any], Awaitable[None]]) -> T:
+    """A copy of a source or sink with another `run`: on a node, clock or drives shared with others."""
+    shared = copy(part)
+    object.__setattr__(shared, "run", run)  # its class is frozen
+    return shared
 
 
 class EndedError(OhmwardError):

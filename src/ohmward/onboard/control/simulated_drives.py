@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.control.outputs import SimulatedOutput
-from ohmward.onboard.part import SharingPart, Sink, Source
+from ohmward.onboard.part import Sink, Source, sharing
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sources.simulation import SimulationSource
 
@@ -60,7 +60,7 @@ def connect_simulated_drives(
     Raises:
         InputError: there is no such simulated robot, it runs at another rate than real time, or two controls name it.
     """
-    driven: dict[str, SharingPart] = {}
+    driven: dict[str, Source] = {}
     connected: list[Sink] = []
     for sink in sinks:
         if isinstance(sink, ControlSink) and sink.simulation:
@@ -68,7 +68,7 @@ def connect_simulated_drives(
             if name in driven:
                 raise InputError(f"sink {sink.name}: {name!r} is driven by another sink already; leave one of them out")
             simulation, drives = _simulation(sources, sink.name, name), SimulatedDrives()
-            driven[name] = SharingPart(simulation, partial(simulation.drive, torque_Nm=drives.torque_Nm))
+            driven[name] = sharing(simulation, partial(simulation.drive, torque_Nm=drives.torque_Nm))
             sink = replace(sink, simulation=ConnectedOutput(name, drives))
         connected.append(sink)
     return tuple(driven.get(source.name, source) for source in sources), tuple(connected)

@@ -17,7 +17,7 @@ from ohmward.logs.battery_columns import find_cells, numbered_rows
 from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
 from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import EndedError, SharingPart, Source
+from ohmward.onboard.part import EndedError, Source, sharing
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.traction.robot.packaged import load_robot
 
@@ -121,7 +121,7 @@ def replays_in_step(sources: Sequence[Source]) -> list[Source]:
     """The sources of a process, with one clock for all its replays."""
     clock = ReplayClock([source.name for source in sources if isinstance(source, ReplaySource)])
     return [
-        SharingPart(source, partial(source.replay, clock=clock)) if isinstance(source, ReplaySource) else source
+        sharing(source, partial(source.replay, clock=clock)) if isinstance(source, ReplaySource) else source
         for source in sources
     ]
 
