@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ohmward import __version__
@@ -65,39 +65,33 @@ def metrics(view: dict[str, Any]) -> str:
 
 
 def _lines(view: dict[str, Any]) -> Iterator[str]:
-    robot = _label(view["name"])
+    robot = _label("robot", view["name"])
     for name, text, path, *_ in _GAUGES:
         value = _at(view, path)
         if isinstance(value, float | int) and math.isfinite(value):
-            yield from _head(name, text)
-            yield f'{name}{{robot="{robot}"}} {value:.9g}'
+            yield from _metric(name, text, {robot: value})
     for name, text, key in _AGES:
         if (measured_s := view.get(key)) is not None:
-            yield from _head(name, text)
-            yield f'{name}{{robot="{robot}"}} {max(view["time_s"] - measured_s, 0.0):.9g}'
-    wheels = (view.get("drive") or {}).get("wheels", [])
-    if slips := [(wheel["name"], wheel["slip_ratio"]) for wheel in wheels if wheel["slip_ratio"] is not None]:
-        yield from _head("ohmward_slip_ratio", "Slip of a driven wheel, -1 to 1.")
-        for wheel, slip in slips:
-            yield f'ohmward_slip_ratio{{robot="{robot}",wheel="{_label(wheel)}"}} {slip:.9g}'
+            yield from _metric(name, text, {robot: max(view["time_s"] - measured_s, 0.0)})
+    wheels = [w for w in (view.get("drive") or {}).get("wheels", []) if w["slip_ratio"] is not None]
+    slips = {f"{robot},{_label('wheel', wheel['name'])}": wheel["slip_ratio"] for wheel in wheels}
+    yield from _metric("ohmward_slip_ratio", "Slip of a driven wheel, -1 to 1.", slips)
     for total in view.get("totals", []):
-        name = f"ohmward_{total['name'].lower()}_total"
         unit = f" [{total['unit']}]" if total["unit"] else ""
-        yield from _head(name, f"{total['label']} since ever{unit}.", "counter")
-        yield f'{name}{{robot="{robot}"}} {total["value"]:.9g}'
-    if alarms := view.get("alarms", []):
-        yield from _head("ohmward_alarm", "Alarm that is raised.")
-        yield from (f'ohmward_alarm{{robot="{robot}",name="{_label(alarm["name"])}"}} 1' for alarm in alarms)
-    if sensors := view.get("sensors", []):
-        yield from _head("ohmward_condition", "Condition: 0 well, 1 warning, 2 error, 3 silent.")
-        for sensor in sensors:
-            level = Level[sensor["level"]].value
-            yield f'ohmward_condition{{robot="{robot}",name="{_label(sensor["name"])}"}} {level}'
+        name, text = f"ohmward_{total['name'].lower()}_total", f"{total['label']} since ever{unit}."
+        yield from _metric(name, text, {robot: total["value"]}, "counter")
+    alarms = {f"{robot},{_label('name', alarm['name'])}": 1 for alarm in view.get("alarms", [])}
+    yield from _metric("ohmward_alarm", "Alarm that is raised.", alarms)
+    levels = {f"{robot},{_label('name', one['name'])}": Level[one["level"]].value for one in view.get("sensors", [])}
+    yield from _metric("ohmward_condition", "Condition: 0 well, 1 warning, 2 error, 3 silent.", levels)
 
 
-def _head(name: str, text: str, type_: str = "gauge") -> Iterator[str]:
-    yield f"# HELP {name} {text}"
-    yield f"# TYPE {name} {type_}"
+def _metric(name: str, text: str, values: Mapping[str, float], type_: str = "gauge") -> Iterator[str]:
+    """Lines of a metric, its values by their labels; none without a value."""
+    if values:
+        yield f"# HELP {name} {text}"
+        yield f"# TYPE {name} {type_}"
+        yield from (f"{name}{{{labels}}} {value:.9g}" for labels, value in values.items())
 
 
 def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -145,6 +139,7 @@ def _at(view: Any, path: tuple[str, ...]) -> Any:
     return view
 
 
-def _label(text: str) -> str:
-    """A text escaped as the value of a label."""
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+def _label(name: str, text: str) -> str:
+    """A label with its text escaped."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'{name}="{escaped}"'
