@@ -35,10 +35,6 @@ SETTLE_S, _FALL_S = 0.25, 0.1
 #: over this time, are as late: jitter of 50 ms that lets messages overtake each other hardly ever does that.
 _AS_LATE, _BACK_S = 5, 0.5
 
-#: Number of message dates remembered, enough for samples that still wait for others.
-_DATES = 4096
-
-
 #: Clock modules of a Linux machine; a module shows the time of the wall clock that it has set within this time [s].
 _CLOCK_MODULES, _CLOCK_AGREES_S = Path("/sys/class/rtc"), 60.0
 
@@ -164,25 +160,6 @@ class SourceClock:
 
     def _least(self) -> float:
         return min(self._least_s, self._least_before_s)
-
-
-class MessageDates:
-    """Dates that sources gave to recent messages, by the messages' times on our clock."""
-
-    def __init__(self) -> None:
-        self._dates: dict[float, float] = {}
-
-    def put(self, time_s: float, date_s: float) -> None:
-        """Remember the date of a message, if it has one."""
-        if not math.isfinite(date_s):
-            return
-        self._dates[time_s] = date_s
-        if len(self._dates) > _DATES:
-            del self._dates[next(iter(self._dates))]
-
-    def at(self, time_s: float, otherwise_s: float) -> float:
-        """Date of the message measured at this time; `otherwise_s` if there is none."""
-        return self._dates.get(time_s, otherwise_s)
 
 
 #: Most messages that wait, and the longest that one waits; a burst beyond them has the times of its receipt.

@@ -26,7 +26,6 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.models.noise import USUAL_C
 from ohmward.energy.points import P90_SIGMA, Quantiles
-from ohmward.energy.range_step import RangeEstimate
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.quantities import SECONDS_PER_HOUR, limits_of
@@ -147,20 +146,17 @@ def _aged_charge(state: RobotState, growth: float) -> dict[str, Any]:
     assert state.battery is not None
     if growth > ANY_SOC_STD:
         return {"battery": None, "range": None}
-    reach = state.range and _aged_range(state.range, growth / max(state.battery.soc, growth))
+    share = growth / max(state.battery.soc, growth)
+    reach = state.range and state.range._replace(
+        distance_m=_widened(state.range.distance_m, share),
+        duration_s=_widened(state.range.duration_s, share),
+        home_probability=math.nan,
+    )
     return {"battery": state.battery._replace(soc_std=math.hypot(state.battery.soc_std, growth)), "range": reach}
 
 
-def _aged_range(reach: RangeEstimate, share: float) -> RangeEstimate:
-    """The range after an unknown change of the charge; share: its standard deviation relative to the charge."""
-    return reach._replace(
-        distance_m=_widened(reach.distance_m, share),
-        duration_s=_widened(reach.duration_s, share),
-        home_probability=math.nan,
-    )
-
-
 def _widened(quantiles: Quantiles, share: float) -> Quantiles:
+    """Quantiles of the range after a change of the charge; share: its standard deviation relative to the charge."""
     p10, p50, p90 = quantiles
     moved = P90_SIGMA * share * p50
     return Quantiles(max(p50 - math.hypot(p50 - p10, moved), 0.0), p50, p50 + math.hypot(p90 - p50, moved))

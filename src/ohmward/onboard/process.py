@@ -21,7 +21,7 @@ from ohmward.battery.soc.exchange_watch import ANOTHER_IS_IN
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
-from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, MessageDates, SystemClock
+from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.feed import Feed
@@ -59,6 +59,9 @@ EXCHANGED_FOR_S = 600.0
 
 #: Time before the recovery of a part is logged [s], if it has not failed again.
 RECOVERED_S = 2.0
+
+#: Number of message dates remembered, enough for samples that still wait for others.
+DATES = 4096
 
 #: In strict mode a source or sink that fails within this time after the start ends the process.
 STRICT_S = 5.0
@@ -173,7 +176,7 @@ class Process:
     def _restart(self) -> None:
         """Reset all times, at the start and when a simulation or a bag restarts."""
         self._arrivals = Arrivals(self._own)
-        self._dates = MessageDates()
+        self._dates: dict[float, float] = {}  # of recent messages, as their sources gave them, by time
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s, self._newest_s = math.nan, -math.inf
         promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
@@ -234,7 +237,10 @@ class Process:
     def _watched(self, arrival: Arrival) -> dict[str, float]:
         """Values of a message that may be used, with nan for invalid ones."""
         message, time_s, clock_was_set = arrival
-        self._dates.put(time_s, message.date_s)
+        if math.isfinite(message.date_s):
+            self._dates[time_s] = message.date_s
+            if len(self._dates) > DATES:
+                del self._dates[next(iter(self._dates))]
         if message.source in self._own:
             self._calendar_s = message.date_s - time_s
         values = self.watch.take(message.source, time_s, message.received_s, message.values, message.publisher)
@@ -262,7 +268,8 @@ class Process:
         if now in logged or _level_and_text(self.diagnostics[diagnostic.name]) != now:
             return
         level = logging.DEBUG if not logged and diagnostic.level == Level.OK else _LOG_LEVELS.get(diagnostic.level)
-        self._logged[diagnostic.name] = [now] if diagnostic.level == Level.OK else [*_faults(logged), now]
+        faults = [one for one in logged if one[0] != Level.OK and diagnostic.level != Level.OK]
+        self._logged[diagnostic.name] = [*faults, now]
         LOG.log(level or logging.ERROR, "%s: %s", diagnostic.name, diagnostic.message)
 
     def _refuse(self, diagnostic: Diagnostic) -> None:
@@ -339,8 +346,8 @@ class Process:
         aged = self._ageing.aged(state, self.watch.ages(state.time_s), self.estimation.last_current_A)
         self.state = aged._replace(
             unix_s=unix_s,
-            battery_unix_s=self._dates.at(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
-            drive_unix_s=self._dates.at(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
+            battery_unix_s=self._dates.get(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
+            drive_unix_s=self._dates.get(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
             diagnostics=self._reported,
             restarts=self._restarts,
         )
@@ -352,11 +359,6 @@ class Process:
 def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
     """Level and sentence of a condition, without its figures."""
     return diagnostic.level, _FIGURE.sub("#", diagnostic.message)
-
-
-def _faults(logged: Sequence[tuple[Level, str]]) -> list[tuple[Level, str]]:
-    """The conditions that are no recovery."""
-    return [(level, text) for level, text in logged if level != Level.OK]
 
 
 def _lateness(is_late: bool, left_out: int, late_s: float) -> Diagnostic:

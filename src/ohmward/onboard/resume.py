@@ -19,7 +19,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, TypedDict
 
-from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
@@ -89,11 +88,11 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         return []
     away_s = UNKNOWN_S if math.isnan(away_s) else away_s
     try:
-        charge, label = _charge_of(content)
-        lost = _cells_lost(content, label)
+        charge, label, lost = _charge_of(content)
     except InputError as error:
         return [f"the snapshot cannot be used: {error}"]
-    if _is_another(label, estimation.battery):
+    growth = label["capacity_Ah"] / estimation.battery.capacity_Ah
+    if not 1.0 / _MOST_LEARNT <= growth <= _MOST_LEARNT or label["n_series"] != estimation.battery.n_series:
         return ["the battery file is of another battery than before: its charge starts afresh"]
     moved_std = _moved_std(charge, estimation.battery.capacity_Ah, away_s)
     known = SocNormal(charge["soc"], math.hypot(charge["std"], moved_std))
@@ -129,8 +128,8 @@ class _Label(TypedDict):
     n_series: float
 
 
-def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
-    """Charge and label of a snapshot; raise InputError if they are of another type or out of range."""
+def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label, int]:
+    """Charge, label and number of lost cells of a snapshot; raise InputError for another type or one out of range."""
     charge: _Charge = typed(_Charge, "charge", content.get("charge"))
     label: _Label = typed(_Label, "battery", content.get("battery"))
     current = QUANTITIES["battery_current_A"]
@@ -139,20 +138,9 @@ def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
     require_between("charge.current_A", charge["current_A"] or 0.0, *current.limits)
     require_positive("battery.capacity_Ah", label["capacity_Ah"])
     require_between("time_s", typed(float, "time_s", content.get("time_s")), -_MOST_S, _MOST_S)
-    return charge, label
-
-
-def _cells_lost(content: Mapping[str, Any], label: _Label) -> int:
-    """Number of lost cells in a snapshot; raise InputError if the pack cannot have lost so many."""
     lost: int = typed(int, "cells_lost", content.get("cells_lost", 0))
     require_between("cells_lost", lost, 0, label["n_series"] - 1)
-    return lost
-
-
-def _is_another(label: _Label, battery: Battery) -> bool:
-    """True if the label cannot belong to the battery, however much was learnt about it since."""
-    more = max(label["capacity_Ah"] / battery.capacity_Ah, battery.capacity_Ah / label["capacity_Ah"])
-    return more > _MOST_LEARNT or label["n_series"] != battery.n_series
+    return charge, label, lost
 
 
 def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:

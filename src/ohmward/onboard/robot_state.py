@@ -212,15 +212,11 @@ def number_at(state: RobotState, path: str) -> float:
     if part == "sample":
         return as_number(value.get(rest, math.nan))
     for word in rest.split("."):
-        value = _item(value, word)
+        if word.isdecimal() and hasattr(value, "__len__"):
+            value = value[int(word)] if int(word) < len(value) else None
+        else:
+            value = getattr(value, word, None) if word in getattr(value, "_fields", ()) else None
     try:
         return float(value)
     except (TypeError, ValueError):
         return math.nan
-
-
-def _item(value: Any, word: str) -> Any:
-    """Element of a record by name or of an array by index; None if there is none."""
-    if word.isdecimal() and hasattr(value, "__len__"):
-        return value[int(word)] if int(word) < len(value) else None
-    return getattr(value, word, None) if word in getattr(value, "_fields", ()) else None

@@ -66,7 +66,14 @@ class ControlLoop(threading.Thread):
                     return
             next_s = max(next_s + self.step_s, time.monotonic())
             self._end.wait(next_s - time.monotonic())
-        self._send_stop()
+        self.control.stop("the process ends")
+        for _ in range(_LAST_COMMANDS):
+            self.output = self.control.step(time.monotonic(), None, None)
+            try:
+                self.send(self.control.numbers(self.output))
+            except Exception as error:  # nobody is left to report to
+                self.error = error
+                return
 
     def end(self) -> None:
         """Stop the robot and end the loop."""
@@ -78,13 +85,3 @@ class ControlLoop(threading.Thread):
         """Raise OhmwardError if the loop has ended by itself."""
         if self.error is not None or not self.is_alive():
             raise OhmwardError(f"the drives take no command ({self.error}); is the bus up?") from self.error
-
-    def _send_stop(self) -> None:
-        self.control.stop("the process ends")
-        for _ in range(_LAST_COMMANDS):
-            self.output = self.control.step(time.monotonic(), None, None)
-            try:
-                self.send(self.control.numbers(self.output))
-            except Exception as error:  # nobody is left to report to
-                self.error = error
-                return

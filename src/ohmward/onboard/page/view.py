@@ -98,13 +98,16 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
     if (charge := state.battery) is None:
         return None
     low, high = soc_band(charge.soc, charge.soc_std)
+    since = ""
+    if state.is_silent("battery"):
+        since = f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
     of_battery = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery"]
     beside = [q for q in of_battery if q.name in state.sample and not q.estimated_from and q.name not in EVENTS]
     return {
         "soc": charge.soc,
         "low": low,
         "high": high,
-        "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %{_since(state)}.",
+        "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %{since}.",
         **{q.field: state.sample.get(q.name, math.nan) for q in of_battery if q.words and q.estimated_from},
         "soh_capacity": charge.soh_capacity,
         "soh_capacity_band": BAND_95 * charge.soh_capacity_std,
@@ -127,13 +130,6 @@ def _cells(state: RobotState) -> list[dict[str, Any]]:
         {"label": f"Highest cell, number {number[most]}", "value": voltages[most], "unit": "V"},
         {"label": "Between their charges", "value": 100.0 * state.cells.pack.soc_spread, "unit": "points"},
     ]
-
-
-def _since(state: RobotState) -> str:
-    """Age of the last measurement of the battery in words, if its sensors are silent."""
-    if not state.is_silent("battery"):
-        return ""
-    return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
 
 
 def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:

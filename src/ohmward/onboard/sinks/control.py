@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError
@@ -30,6 +31,7 @@ class ControlSink:
     operator: str = "127.0.0.1:4720"  #: HOST:PORT where the operator connects; any host but this machine needs a token
     token: str | None = None  #: secret of the operator
     limits: DriveLimits = field(default_factory=DriveLimits)  #: limits of speed, torque and slip; timeouts
+    interval_s: ClassVar[float] = 0.0  #: takes every state
     step_s: float = 0.01  #: time between two commands, 0.002 to 0.02
     name: str = "control"  #: in diagnostics
 
@@ -43,11 +45,6 @@ class ControlSink:
             raise InputError(
                 f'operator = "{self.operator}" can be reached from other machines; give a token: token = "DRIVE_TOKEN"'
             )
-
-    @property
-    def interval_s(self) -> float:
-        """0: it takes every state."""
-        return 0.0
 
     async def run(self, feed: Feed) -> None:
         """Control until the feed ends; the last commands stop the robot."""

@@ -29,7 +29,7 @@ class Spool:
         most_rows: beyond this many the oldest are dropped: a robot's disk is finite, a server may be away for months.
 
     Attributes:
-        waiting: number of rows.  lost: number of dropped rows that `left_out` has not returned yet.
+        waiting: number of rows.  lost: number of rows dropped since the caller last set it to 0.
         sending: lock held while a batch is being sent.
 
     Raises:
@@ -69,11 +69,6 @@ class Spool:
                 raise OhmwardError(f"the spool cannot be written ({error}); is the disk full?") from error
             self.lost += excess
             self.waiting += len(texts) - excess
-
-    def left_out(self) -> int:
-        """Number of rows dropped since the last call."""
-        lost, self.lost = self.lost, 0
-        return lost
 
     def oldest(self, most: int) -> tuple[int, list[Row]]:
         """A number to confirm the oldest rows by, and the rows."""
@@ -119,7 +114,7 @@ async def deliver(feed: Feed, send: Send, path: Path, most_waiting: int = MOST_W
         while states := await feed.batch():
             rows = [row for state in states for row in maker.rows(state)]
             await until_taken(partial(spool.put, rows), feed, states)
-            feed.lost += spool.left_out()
+            feed.lost, spool.lost = feed.lost + spool.lost, 0
             await asyncio.sleep(0.0 if feed.ended else GATHER_S)
         await asyncio.to_thread(_send_rest, spool, send)
     finally:

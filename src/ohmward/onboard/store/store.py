@@ -154,7 +154,10 @@ class Store:
         try:
             if not read_only:
                 self.archive.mkdir(parents=True, exist_ok=True)
-            mode = self._reading_mode(path) if read_only else "rwc"
+            mode = "rwc"
+            if read_only:  # without locks if nobody writes or may write, as on a read-only disk
+                written = path.with_name(f"{path.name}-wal").exists() or os.access(folder, os.W_OK)
+                mode = "ro" if written else "ro&immutable=1"
             self._database = sqlite3.connect(
                 f"{path.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
             )
@@ -162,11 +165,6 @@ class Store:
         except (OSError, sqlite3.Error) as error:
             raise self._refusal("opened", error) from error
         self._columns = {kind: self.names(kind) for kind in KINDS}
-
-    def _reading_mode(self, path: Path) -> str:
-        """Mode of SQLite for reading; without locks if nobody writes or may write, as on a read-only disk."""
-        written = path.with_name(f"{path.name}-wal").exists() or os.access(self.folder, os.W_OK)
-        return "ro" if written else "ro&immutable=1"
 
     def _prepare(self, read_only: bool) -> None:
         if not read_only:
@@ -230,7 +228,10 @@ class Store:
             for kind in KINDS:
                 group = [row for row in whole if row.kind == kind]
                 names = list(dict.fromkeys(name for row in group for name in row.values))
-                self._add_columns(kind, names)
+                for name in names:
+                    if name not in self._columns[kind]:
+                        database.execute(f"ALTER TABLE {kind} ADD COLUMN {quoted(name)} REAL")
+                        self._columns[kind].append(name)
                 places = ", ".join("?" * (len(names) + 1))
                 columns = ", ".join(["unix_ns", *map(quoted, names)])
                 values = ((row.unix_ns, *map(row.values.get, names)) for row in group)
@@ -342,12 +343,6 @@ class Store:
             else {"written": "is the disk full?"}.get(done, "may it be read, and the folder be written?")
         )
         return OhmwardError(f"{path}: cannot be {done} ({error}); {advice}")
-
-    def _add_columns(self, kind: str, names: Sequence[str]) -> None:
-        for name in names:
-            if name not in self._columns[kind]:
-                self._database.execute(f"ALTER TABLE {kind} ADD COLUMN {quoted(name)} REAL")
-                self._columns[kind].append(name)
 
     # ---- reading
 
@@ -465,7 +460,10 @@ def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
         for columns in _by_day(store, "battery", ("battery_current_A", "battery_voltage_V")):
             totals = _with_battery(totals, columns, capacity_Ah)
         for columns in _by_day(store, "drive", ("distance_m",)):
-            totals = _with_drive(totals, columns)
+            length_m = columns.get("distance_m", np.empty(0))
+            known_m = length_m[np.isfinite(length_m)]
+            grown_m = np.diff(known_m)  # the path restarts at each start of the process
+            totals = totals.after_drive(0.0, float(np.sum(np.where(grown_m >= 0.0, grown_m, known_m[1:]))))
     finally:
         store.close()
     return totals
@@ -498,11 +496,3 @@ def _with_battery(totals: Totals, columns: Columns, capacity_Ah: float) -> Total
         mean_V = float(np.sum(charge_Ah[known] * voltage_V[known])) / known_Ah if known_Ah else math.nan
         totals = totals.plus_charge(whole_Ah, mean_V, capacity_Ah) if whole_Ah else totals
     return totals
-
-
-def _with_drive(totals: Totals, columns: Columns) -> Totals:
-    """The totals with the rows of a day added, whose path restarts at each start of the process."""
-    length_m = columns.get("distance_m", np.empty(0))
-    known_m = length_m[np.isfinite(length_m)]
-    grown_m = np.diff(known_m)
-    return totals.after_drive(0.0, float(np.sum(np.where(grown_m >= 0.0, grown_m, known_m[1:]))))
