@@ -101,7 +101,11 @@ def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
         InputError: there is no such column.
     """
     named = dict(zip(TRUTHS, truth_names(text), strict=False))
-    known = {kind: _in_SI(log, name, kind) for kind, name in named.items() if name}
+    known = {}
+    for kind, name in named.items():
+        if name:
+            unit = unit_in_name(name, (TRUTHS[kind],))  # assumed SI where the name has none
+            known[kind] = log.column(name) * (unit.scale if unit else 1.0)
     slips = [f"{wheel}_slip_true" for wheel in robot.driven_wheels]
     slip = np.column_stack([log.extra[name] for name in slips]) if set(slips) <= set(log.extra) else None
     truth = DriveTruth(known["speed"], known.get("yaw rate"), known.get("lateral speed"), slip)
@@ -165,9 +169,3 @@ def truth_names(text: str | None) -> list[str]:
     if not names[0] or len(names) > len(TRUTHS):
         raise InputError(f"--truth takes the columns of {', '.join(TRUTHS)}, separated by commas; got {text!r}")
     return names
-
-
-def _in_SI(log: DriveLog, name: str, kind: str) -> np.ndarray:
-    """(T,) column of a truth, converted from the unit in its name; assumed SI where the name has none."""
-    unit = unit_in_name(name, (TRUTHS[kind],))
-    return log.column(name) * (unit.scale if unit else 1.0)

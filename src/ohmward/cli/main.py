@@ -172,7 +172,10 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     top.add_argument("command", metavar="COMMAND", help="one of those below")
     first = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
     name = top.parse_args(words[: first + 1]).command
-    _require_command(name)
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        advice = f"did you mean `ohmward {near[0]}`?" if near else "see `ohmward --help`"
+        raise InputError(f"there is no command {name!r}; {advice}")
     module = _load(name)
     parser = Parser(
         prog=f"ohmward {name}",
@@ -199,14 +202,6 @@ def _groups() -> str:
             text = f"  {name}".ljust(indent) + what
             lines.append(textwrap.fill(text, width(), subsequent_indent=" " * indent))
     return "\n".join(lines)
-
-
-def _require_command(word: str) -> None:
-    """Raise InputError for a word that is not a command, and suggest the one most like it."""
-    if word not in COMMANDS:
-        near = difflib.get_close_matches(word, COMMANDS, n=1)
-        advice = f"did you mean `ohmward {near[0]}`?" if near else "see `ohmward --help`"
-        raise InputError(f"there is no command {word!r}; {advice}")
 
 
 def _load(name: str) -> ModuleType:

@@ -165,16 +165,12 @@ def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str
     check_output("--output", path, endings, inputs)
     if not path or not (file := Path(path)).exists() or not file.stat().st_size:
         return
-    if column.encode() not in _both_ends(file):
+    with file.open("rb") as stream:
+        ends = stream.read(_ENDS_BYTES)
+        stream.seek(max(file.stat().st_size - _ENDS_BYTES, 0))
+        ends += stream.read()
+    if column.encode() not in ends:
         raise InputError(
             f"--output {path}: there is another file of this name, without the column {column} that results have; "
             "choose another name, or delete it first"
         )
-
-
-def _both_ends(file: Path) -> bytes:
-    """First and last bytes of a table, which contain the names of its columns."""
-    with file.open("rb") as stream:
-        first = stream.read(_ENDS_BYTES)
-        stream.seek(max(file.stat().st_size - _ENDS_BYTES, 0))
-        return first + stream.read()

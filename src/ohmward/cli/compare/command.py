@@ -54,8 +54,8 @@ def _judge(compared: Comparison) -> SocRun:
     return runs[by_rank[0]]
 
 
-Column = Callable[[Mapping[str, Any]], str]
-Columns = tuple[tuple[str, Column], ...]
+#: Header, figure and text of each column of a table.
+Columns = tuple[tuple[str, str, Callable[[Any], str]], ...]
 
 
 def summary(task: SocTask, compared: Comparison) -> dict[str, Any]:
@@ -90,45 +90,39 @@ def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str]
     return [_table(estimators, _WITHOUT_TRUTH), (["SoC difference, RMS", *differences], mutual)]
 
 
-def _percent(key: str, digits: int = 2) -> Column:
-    return lambda figures: percent(figures[key], digits)
-
-
-def _millivolts(key: str) -> Column:
-    return lambda figures: quantity(figures[key], "mV", 1e3)
-
-
+_tenths = partial(percent, digits=1)
+_millivolts = partial(quantity, unit="mV", scale=1e3)
 _VOLTAGE: Columns = (
-    ("voltage error: mean", _millivolts("voltage_error_mean_V")),
-    ("std", _millivolts("voltage_error_std_V")),
-    ("max", _millivolts("voltage_max_error_V")),
+    ("voltage error: mean", "voltage_error_mean_V", _millivolts),
+    ("std", "voltage_error_std_V", _millivolts),
+    ("max", "voltage_max_error_V", _millivolts),
 )
-_PER_STEP: Columns = (("per step", lambda figures: f"{figures['us_per_step']:.3g} us"),)
+_PER_STEP: Columns = (("per step", "us_per_step", "{:.3g} us".format),)
 _SIGNED: Columns = (
     *_VOLTAGE,
-    ("SoC error: mean", _percent("soc_error_mean")),
-    ("std", _percent("soc_error_std")),
-    ("max", _percent("soc_max_error")),
+    ("SoC error: mean", "soc_error_mean", percent),
+    ("std", "soc_error_std", percent),
+    ("max", "soc_max_error", percent),
 )
 _SIZES: Columns = (
-    ("SoC: MAE", _percent("soc_mae")),
-    ("RMSE", _percent("soc_rmse")),
-    ("max", _percent("soc_max_error")),
-    ("RMSE after 1 h", _percent("soc_rmse_after_1h")),
-    ("in 95 % band", _percent("coverage_95", 1)),
+    ("SoC: MAE", "soc_mae", percent),
+    ("RMSE", "soc_rmse", percent),
+    ("max", "soc_max_error", percent),
+    ("RMSE after 1 h", "soc_rmse_after_1h", percent),
+    ("in 95 % band", "coverage_95", _tenths),
     *_PER_STEP,
 )
 _WITHOUT_TRUTH: Columns = (
-    ("SoC at the end", _percent("soc_final", 1)),
-    ("its std", _percent("soc_std_final", 1)),
+    ("SoC at the end", "soc_final", _tenths),
+    ("its std", "soc_std_final", _tenths),
     *_VOLTAGE,
     *_PER_STEP,
 )
 
 
 def _table(estimators: Mapping[str, Any], columns: Columns) -> tuple[list[str], list[list[str]]]:
-    rows = [[name, *(cell(figures) for _, cell in columns)] for name, figures in estimators.items()]
-    return ["estimator", *(header for header, _ in columns)], rows
+    rows = [[name, *(text(figures[key]) for _, key, text in columns)] for name, figures in estimators.items()]
+    return ["estimator", *(header for header, _, _ in columns)], rows
 
 
 def make_page(task: SocTask, compared: Comparison, figures: Mapping[str, Any]) -> Page:

@@ -51,22 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_signals(group: argparse._ArgumentGroup) -> None:
     """Options of the signals, where their names do not suffice."""
-    group.add_argument(
-        "--signal",
-        type=pair,
-        action="append",
-        default=[],
-        metavar="SIGNAL=NAME",
-        help="wire a signal: battery_current_A=BMS.Pack_I, wheel_speed_rad_s.left=Drive.nL",
-    )
-    group.add_argument(
-        "--unit",
-        type=pair,
-        action="append",
-        default=[],
-        metavar="KIND=UNIT",
-        help="where neither name nor database has it: wheel_speed=rpm, current=mA, yaw_rate=deg/s",
-    )
+    for option, metavar, text in (
+        ("--signal", "SIGNAL=NAME", "wire a signal: battery_current_A=BMS.Pack_I, wheel_speed_rad_s.left=Drive.nL"),
+        ("--unit", "KIND=UNIT", "where neither name nor database has it: wheel_speed=rpm, current=mA, yaw_rate=deg/s"),
+    ):
+        group.add_argument(option, type=pair, action="append", default=[], metavar=metavar, help=text)
     add_current_sign_option(
         group, "what a positive current does to the battery; auto finds it from values, if any are heard"
     )

@@ -404,13 +404,9 @@ def _lines(plan: SetupPlan) -> Iterator[str]:
         yield from ("", "[[sink]]", f'kind = "{kind}"')
     if of_ros := next((offer.settings for offer, _ in plan.sources if offer.kind == "ros2"), None):
         yield from ("", "[[sink]]", 'kind = "ros2"')
-        yield from _settings({"battery": plan.battery} | _renamed(of_ros))
-
-
-def _renamed(source: Mapping[str, Any]) -> dict[str, str]:
-    """Setting of the ROS sink by which it does not publish the topic of the battery that its source takes."""
-    own = Ros2Sink.battery_state
-    return {"battery_state": f"ohmward/{own}"} if source.get("battery_state", "").strip("/") == own else {}
+        own = Ros2Sink.battery_state
+        is_heard = of_ros.get("battery_state", "").strip("/") == own
+        yield from _settings({"battery": plan.battery, "battery_state": f"ohmward/{own}" if is_heard else None})
 
 
 def _settings(values: Mapping[str, Any]) -> Iterator[str]:
