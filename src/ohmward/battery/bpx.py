@@ -23,7 +23,7 @@ from __future__ import annotations
 import ast
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -33,10 +33,9 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import (
-    CHEMISTRIES,
     assumed_capacity,
+    chemistry_contradiction,
     chemistry_name,
-    curve_misfit,
     generic_battery,
     start_noise,
 )
@@ -54,9 +53,6 @@ _RESISTANCE_POINTS, _END_DISTANCE = 21, 0.01
 _DX = 1e-3
 #: Relative difference of electrode and nominal capacity beyond which a file contradicts itself.
 _CAPACITY_OFF = 0.3
-#: Distance of the curve from that of the chemistry, in standard deviations of its cells, beyond which the chemistry is
-#: another one: NMC, NCA and LCO are up to 4 apart, LFP is 10 from them.
-_OTHER_CHEMISTRY = 5.0
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(np, name)
     for name in ("exp", "log", "sqrt", "sinh", "cosh", "tanh", "sin", "cos", "tan", "arctan", "abs")
@@ -124,7 +120,8 @@ def battery_from_bpx(
             "correct electrode area, number of pairs or stoichiometries"
         )
     one = _thevenin(source, cell_Ah, area_m2, reference_K, negative, positive)
-    _check_chemistry(source, chemistry_name(chemistry), one.ocv.voltage_V)
+    if contradiction := chemistry_contradiction(chemistry_name(chemistry), one.ocv.voltage_V):
+        raise InputError(f"BPX file {source.path}: its open-circuit voltage {contradiction}")
     generic = generic_battery(chemistry, capacity_Ah or cell_Ah, n_series, label or source.title)
     strings = generic.capacity_Ah / cell_Ah
     pack = replace(one.in_parallel(strings), capacity_Ah=generic.capacity_Ah, ocv_slip=generic.thevenin.ocv_slip)
@@ -140,19 +137,6 @@ def battery_from_bpx(
             f"everything: curve and resistances are those of {source.path.name}, a cell of this type",
             assumed_capacity("as given" if capacity_Ah else f"that of the electrodes ({nominal_Ah:g} Ah nominal)"),
         ),
-    )
-
-
-def _check_chemistry(source: _Source, chemistry: str, voltage_V: Sequence[float]) -> None:
-    """Raise InputError for a curve that is none of the chemistry; voltage_V: (M,) of the cell, along SoC."""
-    misfits = {name: curve_misfit(name, voltage_V) for name in CHEMISTRIES}
-    if not misfits.get(chemistry, 0.0) > _OTHER_CHEMISTRY:
-        return
-    fitting = sorted((name for name, misfit in misfits.items() if misfit <= _OTHER_CHEMISTRY), key=misfits.__getitem__)
-    advice = f"; the curve fits {' or '.join(fitting)}" if fitting else ""
-    raise InputError(
-        f"BPX file {source.path}: its open-circuit voltage differs from that of {chemistry} cells by "
-        f"{misfits[chemistry]:.0f} of their standard deviations; correct the chemistry{advice}"
     )
 
 

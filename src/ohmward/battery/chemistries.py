@@ -31,6 +31,9 @@ CELL_V = 3.7
 _CHARGER_SHARE = 0.012
 #: Voltage above which a battery gases, relative to a full one at rest: about 2.23 V for a lead-acid cell.
 _GASSING_SHARE = 1.03
+#: Distance of a curve from that of a chemistry, in standard deviations of its cells, beyond which the chemistry is
+#: another one: NMC, NCA and LCO are up to 4 apart, LFP is 10 from them.
+_OTHER_CHEMISTRY = 5.0
 #: Lowest voltage relative to an empty battery, and highest relative to a full one; the last for batteries that gas.
 _LOWEST, _HIGHEST, _GASSING = 0.9, 1.05, 1.2
 
@@ -514,6 +517,20 @@ def curve_misfit(name: str, voltage_V: Sequence[float]) -> float:
     usual_V = np.interp(soc, c.soc, c.ocv_V)
     usual_std_V = np.interp(soc, np.linspace(0.0, 1.0, len(std_V)), std_V)
     return float(np.sqrt(np.mean(((given_V - usual_V) / usual_std_V) ** 2)))
+
+
+def chemistry_contradiction(name: str, voltage_V: Sequence[float]) -> str:
+    """Clause on the curve of a cell that is none of the chemistry, with those that it fits; "" if it may be one.
+
+    name: "" if unknown; voltage_V: (M,) [V] of one cell on a uniform grid of SoC from 0 to 1.
+    """
+    misfits = {each: curve_misfit(each, voltage_V) for each in CHEMISTRIES}
+    if not misfits.get(name, 0.0) > _OTHER_CHEMISTRY:
+        return ""
+    fitting = sorted((each for each, misfit in misfits.items() if misfit <= _OTHER_CHEMISTRY), key=misfits.__getitem__)
+    advice = f"; the curve fits {' or '.join(fitting)}" if fitting else ""
+    deviations = f"{misfits[name]:.0f} of their standard deviations"
+    return f"differs from that of {name} cells by {deviations}; correct the chemistry{advice}"
 
 
 def start_noise(name: str = "", n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:

@@ -6,6 +6,8 @@ import pytest
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
 from ohmward.battery.identification.log_details import label_notes
 
+NMC_OCV = start_model("nmc", 2.0).ocv
+
 
 @pytest.mark.parametrize("name", CHEMISTRIES)
 @pytest.mark.parametrize("n_series", [1, 4])
@@ -13,7 +15,7 @@ def test_a_true_label_is_not_remarked(name, n_series):
     """At any state of charge, and while a charger holds it a little above full."""
     ocv = start_model(name, 2.0, n_series).ocv
     for voltage_V in (*ocv.mean_V(np.linspace(0.0, 1.0, 11), 25.0), 1.05 * ocv.voltage_V[-1]):
-        assert label_notes(np.full(9, voltage_V), name, n_series) == ()
+        assert label_notes(np.full(9, voltage_V), ocv, name, n_series) == ()
 
 
 @pytest.mark.parametrize(
@@ -26,10 +28,18 @@ def test_a_true_label_is_not_remarked(name, n_series):
     ],
 )
 def test_a_contradiction_is_named_with_what_would_fit(voltage_V, name, n_series, advice):
-    (note,) = label_notes(np.array([voltage_V, np.nan, voltage_V]), name, n_series)
+    (note,) = label_notes(np.array([voltage_V, np.nan, voltage_V]), NMC_OCV, name, n_series)
     assert note.level == "warning"
     assert advice in note.text
 
 
+@pytest.mark.parametrize(("name", "other"), [("lfp", "nmc"), ("nmc", "lfp")])
+def test_a_curve_of_another_chemistry_is_named(name, other):
+    """Both chemistries have the same usual voltage: the curve tells them apart."""
+    (note,) = label_notes(np.full(9, 4 * 3.3), start_model(other, 2.0, 4).ocv, name, 4)
+    assert note.level == "warning"
+    assert f"differs from that of {name} cells" in note.text and other in note.text.split("the curve fits")[1]
+
+
 def test_without_a_chemistry_nothing_is_said():
-    assert label_notes(np.full(9, 50.0), "", 1) == ()
+    assert label_notes(np.full(9, 50.0), NMC_OCV, "", 1) == ()

@@ -188,7 +188,6 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
         first = line_through(records, [_axis(r, settings, None) for r in records], settings.capacity_Ah, refusal)
     axes = tuple(_axis(r, settings, None if first.source == "line" else first) for r in first.fitted)
     notes = (
-        *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
         *chain.from_iterable(record.charge.notes for record in records),
         *first.notes,
         *chain.from_iterable(axis.notes for axis in axes),
@@ -222,10 +221,9 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     fits = *(log.quality for log in details), *branch_fits(first.branches)
     checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution, problem)
     provenance = replace(
-        _provenance(prepared, settings),
+        _provenance(prepared, settings, model.ocv, (*choice, *checks)),
         logs=fits,
         confidence=confidence_intervals(fit),
-        notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
     missing = (
         *first.not_identified,
@@ -324,7 +322,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
     battery = _battery(prepared, settings, model, _with_known_capacity(noise, prepared, Q))
     battery = replace(
         battery,
-        identification=_provenance(prepared, settings),
+        identification=_provenance(prepared, settings, ocv),
         not_identified=(missing,) if prepared.first.both_directions else (missing, one_way),
     )
     return Identified(battery, prepared.first.branches, ocv)
@@ -392,14 +390,18 @@ def _last_day(logs: Sequence[Log]) -> float | None:
     return max((log.end_unix_s for log in logs if log.end_unix_s is not None), default=None)
 
 
-def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Provenance:
-    """Provenance of the OCV curve."""
+def _provenance(
+    prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve, found: Sequence[Note] = ()
+) -> Provenance:
+    """Provenance of this OCV curve, with the notes of the fit."""
+    voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
+    label = label_notes(voltage_V, ocv, settings.chemistry, settings.n_series)
     complete_Ah = [b.moved_Ah for b in prepared.first.branches if b.complete]
     return Provenance(
         settings.capacity_Ah,
         float(np.mean(complete_Ah)) if complete_Ah else 0.0,
         logs=branch_fits(prepared.first.branches),
-        notes=tuple(str(note) for note in prepared.notes),
+        notes=tuple(map(str, (*label, *prepared.notes, *found))),
         fingerprints=tuple(fingerprint(record.log) for record in prepared.records),
     )
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import LogFit
-from ohmward.battery.chemistries import chemistry as chemistry_of
+from ohmward.battery.chemistries import CHEMISTRIES, chemistry_contradiction
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint, rest_points
 from ohmward.battery.identification.record import Phase, Record, find_pulses, find_rests
@@ -322,18 +322,19 @@ def _gassing(log: LogDetails) -> Note:
     return Note(text)
 
 
-def label_notes(voltage_V: np.ndarray, chemistry: str, n_series: int) -> tuple[Note, ...]:
-    """A warning where the usual voltage of the logs is not that of this many cells of this chemistry.
+def label_notes(voltage_V: np.ndarray, ocv: OcvCurve, chemistry: str, n_series: int) -> tuple[Note, ...]:
+    """A warning where the usual voltage of the logs, or their curve, is not that of this many cells of this chemistry.
 
-    voltage_V: (T,) of all logs.  chemistry: "" if unknown.
+    voltage_V: (T,) of all logs.  ocv: identified from them.  chemistry: "" if unknown.
     """
     if not chemistry:
         return ()
-    empty_V, *_, full_V = chemistry_of(chemistry).ocv_V
+    empty_V, *_, full_V = CHEMISTRIES[chemistry].ocv_V
     low_V, high_V = (1 - _BEYOND_CURVE) * empty_V, (1 + _BEYOND_CURVE) * full_V
     usual_V = float(np.nanmedian(voltage_V))
     if low_V <= usual_V / n_series <= high_V:
-        return ()
+        contradiction = chemistry_contradiction(chemistry, [point_V / n_series for point_V in ocv.voltage_V])
+        return (Note(f"the identified open-circuit voltage {contradiction}", "warning"),) if contradiction else ()
     fitting = [n for n in range(1, int(usual_V / low_V) + 1) if low_V <= usual_V / n <= high_V]
     advice = f"; {' or '.join(map(str, fitting))} would fit" if fitting else "; is the chemistry another one?"
     text = (
