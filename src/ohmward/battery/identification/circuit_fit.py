@@ -265,9 +265,9 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
     if share <= _MOST_BACKWARDS:
         return ()
     text = (
-        f"{share:.0%} of the open-circuit voltage curve that fits the logs falls with SoC and was levelled, so "
-        f"estimators will err there: the logs contradict the capacity or each other. "
-        f"Is {problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same battery?"
+        f"{share:.0%} of the open-circuit voltage curve that fits the logs falls with SoC and was levelled; the "
+        "file counts that as its error. A flat curve (lfp) often does; else the logs contradict the capacity or each "
+        f"other. Is {problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same battery?"
     )
     return (Note(text, "warning"),)
 

@@ -355,7 +355,8 @@ def _ending_empty(record: Record, axis: SocAxis, capacity_Ah: float, empties: Se
         return axis._replace(left=left)
     last = wrong[-1] if wrong else max(empties, key=lambda a: off[a])
     ratio = (first.soc - axis.soc[last.sample]) / (first.soc - last.soc) if first.soc > _CAPACITY_SPAN else 1.0
-    done = f"it was tied to {last.soc:.3f} there" if wrong else f"{last.soc:.3f} is usual at that rate"
+    usual = f"{last.soc:.3f} ± {2 * last.std:.3f} is usual at that rate, and nothing is wrong if it leaves as much"
+    done = f"it was tied to {last.soc:.3f} there" if wrong else usual
     text = (
         f"{record.log.name!r}: the count is at SoC {axis.soc[last.sample]:.3f} where a load has emptied the battery "
         f"({last.reason}); {done}. Is {ratio * capacity_Ah:.4g} Ah the capacity that estimators should use, not "
