@@ -84,6 +84,18 @@ def test_a_gap_of_unknown_charge_divides_the_log():
     assert records[0].log.time_s[-1] < 4000 < records[1].log.time_s[0]
 
 
+def test_rows_every_minute_fill_a_log_of_the_changes_of_its_current():
+    """As the warning advises: a discharge of an hour, at both ends of which a second has its own row."""
+    changes = log(np.array([0.0, 1, 2, 3602, 3603, 3604, 3605]), np.array([0.0, 0, -2, -2, 0, 0, 0]))
+    with pytest.raises(InputError, match=r"0 of 2 parts are used; .* add rows of it every 60 s without a voltage"):
+        make_records(changes, 2.0)
+    time_s = np.union1d(changes.time_s, np.arange(62.0, 3602.0, 60.0))
+    at = np.searchsorted(changes.time_s, time_s, side="right") - 1
+    voltage_V = np.where(np.isin(time_s, changes.time_s), 3.7, np.nan)
+    (record,) = make_records(log(time_s, changes.current_A[at], voltage_V), 2.0)
+    assert record.charge.total_Ah[-1] == pytest.approx(-2.0 * 3601 / 3600, rel=1e-12)
+
+
 def test_a_long_stretch_without_a_current_is_a_gap_and_no_rest():
     time_s = np.arange(0.0, 3000.0)
     current_A = np.where((time_s >= 500) & (time_s < 2000), np.nan, -2.0)

@@ -180,13 +180,13 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
     edges = [0, *(int(k) for k in divides), len(log)]
     parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= FEWEST_OF_A_PULSE]
     useful = [part for part in parts if np.any(np.nan_to_num(part.current_A)) and part.duration_s > 0]
-    if not useful:
-        raise InputError(f"log {log.name!r}: {counted(len(divides), 'gap')} of unknown charge leave no part to use")
-    note = Note(
-        f"{log.name!r} is divided at {counted(len(divides), 'gap')} in which an unknown charge may have flowed; "
-        f"{len(useful)} of {len(parts)} parts are used, each with a state of charge of its own",
-        "warning",
+    found = (
+        f"{log.name!r} is divided at {counted(len(divides), 'gap')} of unknown charge, {len(useful)} of "
+        f"{len(edges) - 1} parts are used; where the current was constant, add rows of it every 60 s without a voltage"
     )
+    if not useful:
+        raise InputError(f"log {found}")
+    note = Note(f"{found}; each part has a state of charge of its own", "warning")
     records = [_record(part, capacity_Ah, idle_current_A) for part in useful]
     if record.test == "pulses":  # a part of such a test is one, however few its pulses
         records = [part._replace(test="pulses") for part in records]
