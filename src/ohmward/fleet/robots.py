@@ -280,7 +280,10 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
     """
     rows = [row for each in rows if (row := each if "logs" in each else _lost(each))["robot"]]
     states = [_state(row) for row in rows]
-    fleet = {name: _of_fleet(states, name) for name in ("soh_capacity", "resistance_ratio")}
+    fleet: dict[str, tuple[float, float] | None] = {}  # median and robust standard deviation; None for too few robots
+    for name in ("soh_capacity", "resistance_ratio"):
+        values = np.array([value for state in states if (value := getattr(state, name)) is not None])
+        fleet[name] = (float(np.median(values)), spread(values)) if values.size >= _FEWEST_ROBOTS else None
     judged = []
     for state, row in zip(states, rows, strict=True):
         own = tuple(_alarms(state, row))
@@ -351,12 +354,6 @@ def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None
         worse = way * (value - usual)
         if worse > _OUTLIER_STDS * float(np.hypot(std, own_std)) and worse > _OUTLIER_SHARE * usual:
             yield f"{what} {with_band(value, own_std)} of the battery file's, of the fleet {with_band(usual, std)}"
-
-
-def _of_fleet(states: Sequence[RobotRecord], name: str) -> tuple[float, float] | None:
-    """Median and robust standard deviation of a quantity; None for too few robots."""
-    values = np.array([value for state in states if (value := getattr(state, name)) is not None])
-    return (float(np.median(values)), spread(values)) if values.size >= _FEWEST_ROBOTS else None
 
 
 def with_band(share: float | None, std: float | None) -> str:

@@ -157,16 +157,11 @@ def _column_samples(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
     lowest, highest = np.fmin.reduceat(y, edges[:-1])[column], np.fmax.reduceat(y, edges[:-1])[column]
     drawn = np.zeros(y.size, dtype=bool)
     for chosen in (gap, ~gap, y == lowest, y == highest):
-        drawn[_firsts(chosen, column)] = True
+        rows = np.flatnonzero(chosen)
+        drawn[rows[np.diff(column[rows], prepend=-1) != 0]] = True  # the first of each column
     known = np.flatnonzero(~gap)
     drawn[known[np.diff(column[known], append=-1) != 0]] = True
     return np.flatnonzero(drawn)
-
-
-def _firsts(chosen: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Index of the first chosen sample of each column that has one."""
-    rows = np.flatnonzero(chosen)
-    return rows[np.diff(column[rows], prepend=-1) != 0]
 
 
 def _cells(values: np.ndarray, count: int) -> np.ndarray:

@@ -222,7 +222,11 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
     rows, turns = Stretches(*(values[known] for values in rows)), turns[known]
     speed_m_s = travel_speed(rows.motion)
     fit = regress(turns[:, None], speed_m_s, rows.drive, np.zeros(1), np.array([np.inf]))
-    creep = _creep(robot, rows) if passive is None else 0.0
+    creep = 0.0
+    if passive is None:  # of driven wheels under these forces on a floor of ordinary stiffness
+        torque_Nm = wheel_torque(robot.motor, rows.current_A, rows.wheel_speed_rad_s[:, : robot.driven])
+        share = np.abs(torque_Nm) / robot.wheel.radius_m / static_loads(robot)[: robot.driven]
+        creep = float(np.nanmean(share)) / STIFFNESS if np.isfinite(share).any() else 0.02
     own_m, radius_m = robot.wheel.radius_m, max(float(fit.beta[0]), 1e-9)  # > 0 for one that never moved
     fitted_m_s = radius_m * turns
     residual_m_s = speed_m_s - fitted_m_s
@@ -257,13 +261,6 @@ def _passive_turns(robot: Robot, rows: Stretches) -> np.ndarray | None:
     if len(free) < robot.freedoms or not np.isfinite(rows.wheel_speed_rad_s[:, robot.driven :]).all(axis=1).any():
         return None
     return travel_speed(rows.wheel_speed_rad_s[:, robot.driven :] @ np.linalg.pinv(free).T)
-
-
-def _creep(robot: Robot, rows: Stretches) -> float:
-    """Creep ratio of driven wheels under these forces on a floor of ordinary stiffness."""
-    torque = wheel_torque(robot.motor, rows.current_A, rows.wheel_speed_rad_s[:, : robot.driven])
-    share = np.abs(torque) / robot.wheel.radius_m / static_loads(robot)[: robot.driven]
-    return float(np.nanmean(share)) / STIFFNESS if np.isfinite(share).any() else 0.02
 
 
 def calibrate_track(
@@ -439,8 +436,8 @@ def calibrate_motor(
         (DAMPING, "motor.damping_Nms_per_rad", motor.damping_Nms_per_rad, alike),
     ):
         value, std = float(fit.beta[i]) / kappa, float(np.sqrt(fit.cov[i, i])) / kappa
-        shown = is_identified(name, value, std)
-        found.append(Parameter(name, value, std) if shown else Parameter(name, own, std, reason))
+        identified = is_identified(name, value, std)
+        found.append(Parameter(name, value, std) if identified else Parameter(name, own, std, reason))
     return tuple(found)
 
 
