@@ -103,7 +103,6 @@ async def frames_of(
 
     They are read in a thread; reading fails if the bus fails or goes off.
     """
-    bus = port.open(filters)
 
     def read() -> tuple[Any, float] | None:
         message = bus.recv(_RECEIVE_S)
@@ -118,11 +117,9 @@ async def frames_of(
             return None
         return message, time.monotonic()
 
-    try:
+    with port.open(filters) as bus:
         async with read_in_thread(port.channel, read, port.failed, _RECEIVE_S) as frames:
             yield frames
-    finally:
-        bus.shutdown()
 
 
 class CanDatabase:

@@ -8,7 +8,7 @@ import os
 import struct
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from ohmward.cli.outcome import Outcome
@@ -57,19 +57,17 @@ class OperatorDesk:
     def opened(self, joystick: str | None) -> Iterator[None]:
         """Open the joystick and read keys without waiting for Enter; the terminal is restored afterwards."""
         self._inputs = [(sys.stdin.fileno(), self._keys)]
-        device = -1
-        if joystick:
-            try:
-                device = os.open(joystick, os.O_RDONLY | os.O_NONBLOCK)
-            except OSError as error:
-                raise InputError(f"--joystick: {joystick} cannot be opened ({error.strerror}); is it there?") from error
-            self._inputs.append((device, self._sticks))
-        try:
-            with _single_keys():
-                yield
-        finally:
-            if device >= 0:
-                os.close(device)
+        with ExitStack() as opened:
+            if joystick:
+                try:
+                    device = os.open(joystick, os.O_RDONLY | os.O_NONBLOCK)
+                except OSError as error:
+                    fault = f"{joystick} cannot be opened ({error.strerror}); is it there?"
+                    raise InputError(f"--joystick: {fault}") from error
+                opened.callback(os.close, device)
+                self._inputs.append((device, self._sticks))
+            opened.enter_context(_single_keys())
+            yield
 
     async def drive(self) -> dict[str, Any]:
         """Answer beats with the set-points of keys and sticks; returns the last beat."""

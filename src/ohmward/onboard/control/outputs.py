@@ -16,7 +16,7 @@ from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
-from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.onboard.ros.transport import RosNetwork, SharedNode
 
 #: Time to listen to a bus before sending commands to it [s]: other controllers send at least ten times a second.
 LISTEN_S = 0.25
@@ -41,11 +41,8 @@ class CanOutput(CanPort):
                 raise InputError(f"can.signals: {name!r} is no number for the drives; there are: {', '.join(names)}")
         encoder = CanEncoder(CanDatabase(self.dbc), self.signals)
         await self._require_alone(encoder)
-        bus = self.open(NO_FRAMES)
-        try:
+        with self.open(NO_FRAMES) as bus:
             yield lambda numbers: self.send(bus, encoder.frames(numbers))
-        finally:
-            bus.shutdown()
 
     async def _require_alone(self, encoder: CanEncoder) -> None:
         """Raise OhmwardError if somebody else on the bus sends the same frames."""
@@ -121,15 +118,12 @@ class RosOutput(RosNetwork):
         wanted = [f"{quantity}.{joint}" for joint in self.joints] or wheels
         if unknown := set(wanted) - set(wheels):
             raise InputError(f"ros.joints: {min(unknown)!r} is no wheel; there are: {', '.join(wheels)}")
-        transport = await asyncio.to_thread(self.open)
+        async with SharedNode(self).opened() as transport:
 
-        def send(numbers: Mapping[str, float]) -> None:
-            transport.check()
-            layout = {"dim": [], "data_offset": 0}
-            message = {"layout": layout, "data": [numbers[name] for name in wanted]}
-            transport.publish(self.topic, types.FLOATS, serialize(types.FLOATS, message))
+            def send(numbers: Mapping[str, float]) -> None:
+                transport.check()
+                layout = {"dim": [], "data_offset": 0}
+                message = {"layout": layout, "data": [numbers[name] for name in wanted]}
+                transport.publish(self.topic, types.FLOATS, serialize(types.FLOATS, message))
 
-        try:
             yield send
-        finally:
-            await asyncio.to_thread(transport.close)

@@ -8,7 +8,7 @@ import sqlite3
 import time
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -172,14 +172,11 @@ def stored_rows(folder: Path, until_s: float, span: Lookback) -> Rows:
     Raises:
         OhmwardError: there is no store, or it cannot be read.
     """
-    store = Store(folder, read_only=True)
-    try:
+    with closing(Store(folder, read_only=True)) as store:
         times_ns = int(1e9 * (until_s - span.length_s)), int(1e9 * until_s), int(1e9 * span.step_s)
         slip = [name for name in store.names("drive") if name.startswith(SLIP)]
         battery = store.thinned("battery", BATTERY, *times_ns)
         drive = store.thinned("drive", (*DRIVE, *slip), *times_ns)
-    finally:
-        store.close()
     rows = {step: {**values} for step, values in _by_step(battery, times_ns[2])}
     for step, values in _by_step(drive, times_ns[2]):
         rows[step] = {**values, **rows.get(step, {})}

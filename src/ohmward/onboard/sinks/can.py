@@ -30,10 +30,7 @@ class CanSink(CanPort):
     async def run(self, feed: Feed) -> None:
         """Send the newest states until the feed ends; old ones are of no use on a bus."""
         encoder = CanEncoder(CanDatabase(self.dbc), self.signals)
-        bus = self.open(NO_FRAMES)
-        try:
+        with self.open(NO_FRAMES) as bus:
             while states := await feed.batch():
                 numbers = {path: number_at(states[-1], path) for path in self.signals}
                 await asyncio.to_thread(self.send, bus, encoder.frames(numbers))
-        finally:
-            bus.shutdown()

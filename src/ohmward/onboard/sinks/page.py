@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import ssl
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,18 +95,13 @@ class PageSink:
         server.capture_signals = nullcontext  # they belong to the process
         return server
 
-    @contextmanager
-    def _listening(self) -> Iterator[socket.socket]:
+    def _listening(self) -> socket.socket:
         """The socket that the server listens on."""
         family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
         try:
-            listener = socket.create_server((self.host, self.port), family=family)
+            return socket.create_server((self.host, self.port), family=family)
         except OSError as error:
             raise cannot_listen(f"port {self.port} of {self.host}", error) from error
-        try:
-            yield listener
-        finally:
-            listener.close()
 
     def _address(self, listener: socket.socket) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host

@@ -16,6 +16,7 @@ import stat
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -86,12 +87,9 @@ class JsonLinesSource:
             if not ended.done():
                 ended.set_result(error)
 
-        transport = await self._connect(lambda: LineReader(take, faulty.count, end))
-        try:
+        with closing(await self._connect(lambda: LineReader(take, faulty.count, end))):
             if error := await ended:
                 raise error
-        finally:
-            transport.close()
 
     async def _serve(self, take: Callable[[bytes, str], bool], faulty: FaultyInput) -> None:
         """Listen, and read from whoever connects."""
@@ -118,12 +116,9 @@ class JsonLinesSource:
             found = LineReader(take_known, faulty.count, end, begin)
             return found
 
-        server = await self._server(reader)
-        try:
-            async with server:
+        with closing(visitors):
+            async with await self._server(reader) as server:
                 await server.serve_forever()
-        finally:
-            visitors.close()
 
     async def _server(self, reader: Callable[[], LineReader]) -> asyncio.Server:
         loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()

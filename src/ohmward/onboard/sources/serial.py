@@ -8,7 +8,7 @@ import os
 import re
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -106,7 +106,6 @@ class SerialSource:
     @asynccontextmanager
     async def line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:
         """Bytes of the line, read in a thread, with the monotonic times of their receipt."""
-        line = self._open()
 
         def read() -> tuple[bytes, float] | None:
             data = line.read(1)
@@ -116,11 +115,9 @@ class SerialSource:
         def failed(error: Exception) -> OhmwardError:
             return OhmwardError(f"{self.port} has failed ({error}); is it plugged in?")
 
-        try:
+        with closing(self._open()) as line:
             async with read_in_thread(self.port, read, failed, _END_READ_S) as received:
                 yield received
-        finally:
-            line.close()
 
     def _open(self) -> Any:
         serial = require("serial", "the serial line")

@@ -15,7 +15,7 @@ import os
 import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from pathlib import Path
@@ -455,8 +455,8 @@ def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
     Raises:
         OhmwardError: there is no store, or it cannot be read.
     """
-    store, totals = Store(folder, read_only=True), Totals()
-    try:
+    totals = Totals()
+    with closing(Store(folder, read_only=True)) as store:
         for columns in _by_day(store, "battery", ("battery_current_A", "battery_voltage_V")):
             totals = _with_battery(totals, columns, capacity_Ah)
         for columns in _by_day(store, "drive", ("distance_m",)):
@@ -464,8 +464,6 @@ def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
             known_m = length_m[np.isfinite(length_m)]
             grown_m = np.diff(known_m)  # the path restarts at each start of the process
             totals = totals.after_drive(0.0, float(np.sum(np.where(grown_m >= 0.0, grown_m, known_m[1:]))))
-    finally:
-        store.close()
     return totals
 
 
