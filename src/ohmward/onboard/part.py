@@ -7,7 +7,7 @@ import logging
 import reprlib
 from collections.abc import Awaitable, Callable
 from copy import copy
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -58,15 +58,6 @@ class Sink(Protocol):
 
         Undelivered states go back to the feed (`Feed.put_back`) or stay on the sink's own disk.
         """
-        ...
-
-
-@runtime_checkable
-class ActingSink(Protocol):
-    """A sink that sends or writes even without a state: commands, its status, rows that waited, an empty file."""
-
-    async def try_out(self) -> None:
-        """Open the destination without sending or leaving anything; return, or hold it open until cancelled."""
         ...
 
 

@@ -10,13 +10,12 @@ import re
 import signal
 import sys
 from collections import Counter
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from ohmward.battery.log_check import OTHER_FILE
-from ohmward.battery.soc.cell_loss import CellLoss
 from ohmward.battery.soc.exchange_watch import ANOTHER_IS_IN
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
@@ -312,9 +311,9 @@ class Process:
                     self._left_out, self._late_s = late, self.now_s()
                 self.report(_lateness(self.now_s() - self._late_s < LATE_FOR_S, late, late_s))
             if charge := self.estimation.state.battery:
-                self.report(_fit(charge))
-                self.report(_exchange(self.now_s() - self.estimation.exchanged_s))
-                self.report(_cell_loss(self.estimation.cell_loss))
+                lost = self.estimation.cell_loss.lost if self.estimation.cell_loss else 0
+                for diagnostic in _of_battery(charge, self.now_s() - self.estimation.exchanged_s, lost):
+                    self.report(diagnostic)
             if self.clock.now_s() - self._passed_s > IDLE_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
@@ -382,34 +381,28 @@ def _delivery(name: str, feed: Feed) -> Diagnostic:
     return Diagnostic(f"delivery to {name}", Level.OK, "in time")
 
 
-def _fit(charge: SocEstimate) -> Diagnostic:
-    """Condition of the battery file: whether its battery can have the estimated offset and capacity."""
-    if not int(charge.flags) & SocFlag.MISFIT:
-        return Diagnostic("battery file", Level.OK, "fits the measurements")
-    message = (
-        f"does not fit the measurements: it asks for a sensor off by {float(charge.current_offset_A):.3g} A and a "
-        f"capacity of {float(charge.soh_capacity):.0%}; {OTHER_FILE}"
-    )
-    return Diagnostic("battery file", Level.WARN, message)
-
-
-def _exchange(ago_s: float) -> Diagnostic:
-    """Condition of the battery's voltage: whether it stepped this long ago as that of another battery does."""
-    if ago_s > EXCHANGED_FOR_S:
-        return Diagnostic("battery exchange", Level.OK, "none")
-    return Diagnostic("battery exchange", Level.WARN, f"{ANOTHER_IS_IN}; battery_changed = 1 says so at once")
-
-
-def _cell_loss(watch: CellLoss | None) -> Diagnostic:
-    """Condition of the cells in series: whether the voltage of one has gone."""
-    lost = watch.lost if watch else 0
-    if not lost:
-        return Diagnostic("cells in series", Level.OK, "all there")
-    message = (
-        f"the voltage fell at once by that of {lost}: a cell is shorted, or a wire to it has come off; stop charging "
-        "and look at it. The charge is estimated from the other cells"
-    )
-    return Diagnostic("cells in series", Level.ERROR, message, {"lost": float(lost)})
+def _of_battery(charge: SocEstimate, exchanged_ago_s: float, lost: int) -> Iterator[Diagnostic]:
+    """Conditions of the battery: whether its file can be right, another battery is in, or cells have gone."""
+    if int(charge.flags) & SocFlag.MISFIT:
+        message = (
+            f"does not fit the measurements: it asks for a sensor off by {float(charge.current_offset_A):.3g} A and a "
+            f"capacity of {float(charge.soh_capacity):.0%}; {OTHER_FILE}"
+        )
+        yield Diagnostic("battery file", Level.WARN, message)
+    else:
+        yield Diagnostic("battery file", Level.OK, "fits the measurements")
+    if exchanged_ago_s > EXCHANGED_FOR_S:
+        yield Diagnostic("battery exchange", Level.OK, "none")
+    else:
+        yield Diagnostic("battery exchange", Level.WARN, f"{ANOTHER_IS_IN}; battery_changed = 1 says so at once")
+    if lost:
+        message = (
+            f"the voltage fell at once by that of {lost}: a cell is shorted, or a wire to it has come off; stop "
+            "charging and look at it. The charge is estimated from the other cells"
+        )
+        yield Diagnostic("cells in series", Level.ERROR, message, {"lost": float(lost)})
+    else:
+        yield Diagnostic("cells in series", Level.OK, "all there")
 
 
 async def _deliver(sink: Sink, feed: Feed) -> None:

@@ -172,7 +172,9 @@ class WatchedSensor:
             self.same, self.same_s, self.stuck, self.value = 0, time_s, False, value
             self.partner_turns = self.partner.turns if self.partner else 0
             if not abs(value - self.moved_to) <= self.move:
-                self._moved()
+                upwards = value > self.moved_to
+                self.turns += upwards != self.upwards
+                self.upwards, self.moved_to = upwards, value
         self._reported(time_s)
         self.good += 1
         if self.stuck or self.is_of_no_sensor or (self.wrong and self.signal == "battery_current_A"):
@@ -188,11 +190,6 @@ class WatchedSensor:
         self.rises = rises
         self.changes += 1
         self.usual += max(_NEWEST_WEIGHT, 1.0 / self.changes) * (abs(value) - self.usual)
-
-    def _moved(self) -> None:
-        upwards = self.value > self.moved_to
-        self.turns += upwards != self.upwards
-        self.upwards, self.moved_to = upwards, self.value
 
     def _reported(self, time_s: float) -> None:
         if not time_s > self.last_s:

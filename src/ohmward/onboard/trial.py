@@ -16,7 +16,7 @@ from ohmward.onboard.assembly import sinks_of
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import ActingSink, Sink, is_live, keep_running
+from ohmward.onboard.part import Sink, is_live, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, check_wiring
@@ -55,9 +55,13 @@ def try_setup(setup: Setup, seconds: float) -> Trial:
 
 
 async def _open(sink: Sink) -> None:
-    """Open what a sink sends to, until cancelled; it gets no state."""
-    if isinstance(sink, ActingSink):
-        await sink.try_out()
+    """Open what a sink sends to, until cancelled; it gets no state.
+
+    One that sends or writes even without a state (commands, its status, rows that waited, an empty file) has a method
+    `try_out`, which opens the destination without leaving anything, and returns or holds it open.
+    """
+    if try_out := getattr(sink, "try_out", None):
+        await try_out()
         await asyncio.Event().wait()
     await sink.run(Feed())
 
