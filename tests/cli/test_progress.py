@@ -26,7 +26,7 @@ def test_a_bar_on_a_terminal_leaves_standard_output_alone(here, capsys, monkeypa
 
 def test_without_rich_there_is_no_bar(monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setitem(sys.modules, "rich.console", None)
+    monkeypatch.setitem(sys.modules, "rich", None)
     with progress() as report:
         assert report is None
 

@@ -18,7 +18,6 @@ from importlib import import_module
 from types import ModuleType
 
 from ohmward import __version__
-from ohmward.cli.options import add_detail_options
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.cli.wording import Detail, styled, width
@@ -185,7 +184,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         allow_abbrev=False,
     )
     module.add_arguments(parser)
-    add_detail_options(parser)
+    more = parser.add_argument_group("detail").add_mutually_exclusive_group()
+    more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
+    more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
     arguments, left = parser.parse_known_args(words[first + 1 :])
     if left:  # as files are that follow an option which follows files
         arguments = parser.parse_intermixed_args(words[first + 1 :])

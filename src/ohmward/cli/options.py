@@ -73,18 +73,6 @@ def add_shaft_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def add_robot_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the robot and of the ground assumed at first."""
-    group = parser.add_argument_group("robot and ground")
-    group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"{ROBOT}, which come with ohmward")
-    group.add_argument(
-        "--terrain",
-        default=DEFAULT_TERRAIN,
-        metavar="NAME",
-        help="ground that is assumed at first, 'gravel' or 'soft soil' for example (default: %(default)s)",
-    )
-
-
 def add_truth_options(parser: argparse.ArgumentParser) -> None:
     """Options of the columns of the true motion: speeds, or a pose."""
     group = parser.add_argument_group("the true motion (default: the log's speed from outside, and its gyro)")
@@ -163,13 +151,6 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("results")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output and nothing else")
     group.add_argument("--report", metavar="FILE.html", help="write a page with plots, one file that needs no network")
-
-
-def add_detail_options(parser: argparse.ArgumentParser) -> None:
-    """Options of every command for how many of the assumptions are printed."""
-    more = parser.add_argument_group("detail").add_mutually_exclusive_group()
-    more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
-    more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
 
 
 def rest_current(text: str) -> float | str:

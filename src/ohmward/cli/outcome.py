@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,23 +36,15 @@ def counting(report: Report | None, what: str) -> Callable[[int, int], None] | N
 @contextmanager
 def progress() -> Iterator[Report | None]:
     """Callback that draws a progress bar with rich; None without a terminal or without rich."""
-    bars = _bars() if sys.stderr.isatty() else None
-    if bars is None:
+    if not (sys.stderr.isatty() and find_spec("rich")):
         yield None
         return
-    with bars:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task("", total=1.0)
         yield lambda what, share: bars.update(task, description=what, completed=share)
-
-
-def _bars() -> Any:
-    """Bars of rich on standard error; None where rich is not installed."""
-    try:
-        from rich.console import Console
-        from rich.progress import Progress
-    except ImportError:
-        return None
-    return Progress(console=Console(stderr=True), transient=True)
 
 
 if TYPE_CHECKING:

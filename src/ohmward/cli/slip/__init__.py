@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import LOG, TRUTHS, add_drive_options, add_output_options, add_robot_options
+from ohmward.cli.options import DEFAULT_TERRAIN, LOG, ROBOT, TRUTHS, add_drive_options, add_output_options
 
 EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml
@@ -20,7 +20,14 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("log", metavar="LOG", help=LOG)
-    add_robot_options(parser)
+    group = parser.add_argument_group("robot and ground")
+    group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"{ROBOT}, which come with ohmward")
+    group.add_argument(
+        "--terrain",
+        default=DEFAULT_TERRAIN,
+        metavar="NAME",
+        help="ground that is assumed at first, 'gravel' or 'soft soil' for example (default: %(default)s)",
+    )
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="ukf", metavar="NAME", help="ekf, aekf, ukf or aukf (default %(default)s)")
     group.add_argument(
