@@ -80,32 +80,11 @@ class Samples(NamedTuple):
 
 
 def samples_of(log: Log, battery: Battery) -> Iterator[Samples]:
-    """The parts of a log, one after the other.
+    """The parts of a log, one after the other; the charge between the samples that are left out is added up.
 
     Raises:
         InputError: no current or no voltage that such a battery can have.
     """
-    clean = _sanitized(log, battery)
-    for part in _parts(clean.dt_s, clean.gaps):
-        yield _part(clean, part, battery)
-
-
-class _Sanitized(NamedTuple):
-    """Samples with a credible current, (T,) each, thinned; see `Samples` for each of them."""
-
-    name: str
-    time_s: np.ndarray
-    dt_s: np.ndarray
-    moved_Ah: np.ndarray
-    current_A: np.ndarray
-    temperature_degC: np.ndarray
-    voltage_V: np.ndarray
-    path_variance: np.ndarray
-    gaps: np.ndarray
-
-
-def _sanitized(log: Log, battery: Battery) -> _Sanitized:
-    """The samples of a whole log; the charge between those that are left out is added up."""
     limits, gassing_V = sample_limits(battery.thevenin), battery.thevenin.gassing_V
     known, credible = limits.is_current(log.current_A), limits.is_voltage(log.voltage_V)
     if np.count_nonzero(known & credible) < _FEWEST:
@@ -121,20 +100,39 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
     # as the filter does
     counted_s = np.where(gap, np.minimum(dt_s, CURRENT_GAP_S), dt_s)
-    moved_Ah = np.cumsum(mean_A * counted_s) / SECONDS_PER_HOUR
+    total_Ah = np.cumsum(mean_A * counted_s) / SECONDS_PER_HOUR
     path = np.cumsum(np.where(gap, 0.0, _path_variance(dt_s, current_A, battery)))
-    used = np.flatnonzero(begins_interval(np.floor((time_s - time_s[0]) / STEP_S), gap))
-    return _Sanitized(
-        name=log.name,
-        time_s=time_s[used],
-        dt_s=np.diff(time_s[used], prepend=time_s[0]),
-        moved_Ah=np.diff(moved_Ah[used], prepend=0.0),
-        current_A=current_A[used],
-        temperature_degC=log.temperature_along(ROOM_DEGC)[known][used],
-        voltage_V=np.where(credible, log.voltage_V, np.nan)[known][used],
-        path_variance=np.diff(path[used], prepend=0.0),
-        gaps=np.flatnonzero(gap[used]),
-    )
+    temperature_degC = log.temperature_along(ROOM_DEGC)[known]
+    voltage_V = np.where(credible, log.voltage_V, np.nan)[known]
+    thinned = np.flatnonzero(begins_interval(np.floor((time_s - time_s[0]) / STEP_S), gap))
+    for part in _parts(thinned.size, np.flatnonzero(gap[thinned])):
+        used = thinned[part]
+        gaps = 1 + np.flatnonzero(gap[used[1:]])
+        part_s, moved_Ah, path_variance = (
+            np.diff(column[used], prepend=column[used[0]]) for column in (time_s, total_Ah, path)
+        )
+        mean_A = SECONDS_PER_HOUR * moved_Ah / np.where(part_s > 0.0, part_s, 1.0)
+        mean_A[gaps] = 0.0
+        usual_s = float(np.median(part_s[1:]))
+        # in a gap the battery was used as usual or not at all, or was charged
+        at_gaps = [Jump(int(k), min(USUAL_C * part_s[k] / SECONDS_PER_HOUR, _MOST_UNKNOWN)) for k in gaps]
+        every = ROW_STEPS if usual_s < ROW_STEPS * STEP_S else 1
+        rows = np.flatnonzero(np.isfinite(voltage_V[used]))[::every]
+        yield Samples(
+            name=log.name,
+            time_s=time_s[used],
+            dt_s=part_s,
+            moved_Ah=moved_Ah,
+            mean_current_A=mean_A,
+            current_A=current_A[used],
+            temperature_degC=temperature_degC[used],
+            voltage_V=voltage_V[used],
+            gaps=gaps,
+            jumps=(*at_gaps, *_path_jumps(path_variance)),
+            rests=tuple(_declared_rests(current_A[used], time_s[used], battery)),
+            rows=rows,
+            row_s=every * usual_s,
+        )
 
 
 def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) -> np.ndarray:
@@ -145,49 +143,18 @@ def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) ->
     return np.asarray(charge_Ah2 / battery.capacity_Ah**2)
 
 
-def _parts(dt_s: np.ndarray, gaps: np.ndarray) -> Iterator[slice]:
+def _parts(size: int, gaps: np.ndarray) -> Iterator[slice]:
     """Parts of a limited number of samples and gaps, as even as possible; cut at a gap where one is near."""
-    count = max(-(-dt_s.size // _MOST_SAMPLES), -(-gaps.size // _MOST_GAPS), 1)
-    edges = np.linspace(0, dt_s.size, count + 1).astype(int)
+    count = max(-(-size // _MOST_SAMPLES), -(-gaps.size // _MOST_GAPS), 1)
+    edges = np.linspace(0, size, count + 1).astype(int)
     if gaps.size and count > 1:
         inner = edges[1:-1]
         nearest = gaps[np.abs(gaps - inner[:, None]).argmin(axis=1)]
-        near = np.abs(nearest - inner) < _NEAR * dt_s.size / count
+        near = np.abs(nearest - inner) < _NEAR * size / count
         inner[near] = nearest[near]
     for first, last in pairwise(np.unique(edges).tolist()):
         if last - first >= _FEWEST:
             yield slice(first, last)
-
-
-def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
-    """One part of a log, its first interval without a length."""
-    dt_s, moved_Ah, path = (column[part].copy() for column in (clean.dt_s, clean.moved_Ah, clean.path_variance))
-    for column in (dt_s, moved_Ah, path):
-        column[0] = 0.0
-    gaps = clean.gaps[(clean.gaps > part.start) & (clean.gaps < part.stop)] - part.start
-    mean_A = SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0.0, dt_s, 1.0)
-    mean_A[gaps] = 0.0
-    voltage_V = clean.voltage_V[part]
-    usual_s = float(np.median(dt_s[1:]))
-    # in a gap the battery was used as usual or not at all, or was charged
-    at_gaps = [Jump(int(k), min(USUAL_C * dt_s[k] / SECONDS_PER_HOUR, _MOST_UNKNOWN)) for k in gaps]
-    every = ROW_STEPS if usual_s < ROW_STEPS * STEP_S else 1
-    rows = np.flatnonzero(np.isfinite(voltage_V))[::every]
-    return Samples(
-        name=clean.name,
-        time_s=clean.time_s[part],
-        dt_s=dt_s,
-        moved_Ah=moved_Ah,
-        mean_current_A=mean_A,
-        current_A=clean.current_A[part],
-        temperature_degC=clean.temperature_degC[part],
-        voltage_V=voltage_V,
-        gaps=gaps,
-        jumps=(*at_gaps, *_path_jumps(path)),
-        rests=tuple(_declared_rests(clean.current_A[part], clean.time_s[part], battery)),
-        rows=rows,
-        row_s=every * usual_s,
-    )
 
 
 def _path_jumps(path: np.ndarray) -> list[Jump]:
