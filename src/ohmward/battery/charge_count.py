@@ -63,7 +63,8 @@ def count_charge(log: Log) -> ChargeIntegral:
     gap = find_gaps(log.time_s)
     counter = find_counter(log, moved_Ah, gap)
     if counter is None:
-        return ChargeIntegral(np.where(gap, 0.0, moved_Ah), gap, _gap_notes(gap))
+        note = Note(f"{counted(int(gap.sum()), 'gap')} without a charge counter: what flowed there is not known")
+        return ChargeIntegral(np.where(gap, 0.0, moved_Ah), gap, (note,) if gap.any() else ())
     settled_Ah = np.where(gap, counter.step_Ah, _settle(moved_Ah, error_Ah, gap, counter.step_Ah))
     return ChargeIntegral(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),))
 
@@ -180,9 +181,3 @@ def _counter_note(counter: Counter, correction_Ah: np.ndarray, gap: np.ndarray) 
         f"settles what the samples leave open: {np.abs(correction_Ah[~gap]).sum():.3g} Ah between samples"
     )
     return Note(f"{text}, {np.abs(correction_Ah[gap]).sum():.3g} Ah in {counted(int(gap.sum()), 'gap')}")
-
-
-def _gap_notes(gap: np.ndarray) -> tuple[Note, ...]:
-    if not gap.any():
-        return ()
-    return (Note(f"{counted(int(gap.sum()), 'gap')} without a charge counter: what flowed there is not known"),)

@@ -168,13 +168,9 @@ def _warnings(cells: CellEstimate, names: Sequence[str]) -> Iterator[CellWarning
     }
     for quantity, conditions in drifted(cells).items():
         difference, std = values[quantity]
+        unit = "points" if quantity == "state of charge" else "%"
         for k in np.flatnonzero(conditions).tolist():
             d, s = float(difference[k]), float(std[k])
-            yield CellWarning(k, quantity, d, s, _sentence(names[k], quantity, d, s))
-
-
-def _sentence(name: str, quantity: str, difference: float, std: float) -> str:
-    unit = "points" if quantity == "state of charge" else "%"
-    side = "above" if difference > 0.0 else "below"
-    size, band = 100 * abs(difference), 100 * BAND_95 * std
-    return f"{name}: {quantity} {size:.1f} ± {band:.1f} {unit} {side} the typical cell's"
+            size = f"{100 * abs(d):.1f} ± {100 * BAND_95 * s:.1f} {unit}"
+            side = "above" if d > 0.0 else "below"
+            yield CellWarning(k, quantity, d, s, f"{names[k]}: {quantity} {size} {side} the typical cell's")

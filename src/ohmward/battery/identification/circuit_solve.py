@@ -330,7 +330,8 @@ def solve(
     ends = np.cumsum([s.soc.size for s in problem.records])
     of_records_V = np.split(np.where(problem.measured, rows.residual_V, np.nan), ends[:-1])
     residual_V = tuple(of_records_V[: len(problem.samples)])
-    of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
+    L = np.linalg.cholesky(prior.precision)
+    of_prior = np.concatenate([L.T @ x - np.linalg.solve(L, prior.information), _rates_residual(problem, rates)])
     return CircuitSolution(unknowns, rates, x, rows, prior, residual_V, of_prior)
 
 
@@ -385,12 +386,6 @@ def _nonnegative(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
     L = np.linalg.cholesky(H[b, b] - H[b, f] @ by_bounded)
     x, _ = nnls(L.T, np.linalg.solve(L, g[b] - H[b, f] @ constant), maxiter=50 * bounded)
     return np.concatenate([x, constant - by_bounded @ x])
-
-
-def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:
-    """(K,) deviation of x from its prior over its standard deviations."""
-    L = np.linalg.cholesky(prior.precision)
-    return L.T @ x - np.linalg.solve(L, prior.information)
 
 
 def _rates_residual(problem: CircuitProblem, rates: Rates) -> np.ndarray:

@@ -24,7 +24,6 @@ from ohmward.battery.identification.circuit_fit import CircuitFit, levelled_V
 from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
     CircuitSolution,
-    SoughtRate,
     error_factor,
 )
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, hysteresis_along
@@ -52,10 +51,20 @@ _VAGUE_LOG = 0.7
 
 def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
     """95 % intervals of the resistances at five states of charge, of the time constants and of the rates."""
-    s = fit.solution
-    names = pair_names(len(s.rates.tau_s))
-    resistances = [_resistance(s, j, name, soc) for j, name in enumerate(names) for soc in _REPORTED_SOC]
-    return (*resistances, *_search_intervals(fit))
+    s, rates = fit.solution, fit.solution.rates
+    found = []
+    for j, name in enumerate(pair_names(len(rates.tau_s))):
+        for soc in _REPORTED_SOC:
+            at = block(j).start + int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
+            value, half = float(s.x[at]), BAND_95 * float(np.sqrt(s.cov[at, at]))
+            found.append(ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - half, 0.0), value + half))
+    found += [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
+    for rate in fit.sought:
+        value, std = getattr(rates, rate.name), fit.search_std(rate.name)
+        half = BAND_95 * std
+        interval = ConfidenceInterval(rate.name, value, value - half, value + half)
+        found.append(_log_interval(rate.name, value, std) if rate.as_log else interval)
+    return tuple(found)
 
 
 def not_identified(
@@ -67,8 +76,11 @@ def not_identified(
     """
     sentences = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
     for rate in fit.sought:
-        if rate.name == "hysteresis_rate" and _hardly_identified(fit, rate):
-            value = getattr(fit.solution.rates, rate.name)
+        value = getattr(fit.solution.rates, rate.name)
+        if rate.name == "hysteresis_rate" and (
+            any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
+            or fit.search_std(rate.name) > _VAGUE_LOG
+        ):
             sentences.append(
                 f"{rate.name}: the data hardly depend on it; {value:.3g} was taken within {rate.low:g} to {rate.high:g}"
             )
@@ -79,31 +91,6 @@ def not_identified(
         if tau_s > 0.5 * longest_s or _tau_std(fit, j) > _VAGUE_LOG
     ]
     return tuple(sentences)
-
-
-def _hardly_identified(fit: CircuitFit, rate: SoughtRate) -> bool:
-    """True for a rate that lies at a bound, or whose logarithm is hardly known."""
-    value = getattr(fit.solution.rates, rate.name)
-    at_bound = any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
-    return at_bound or fit.search_std(rate.name) > _VAGUE_LOG
-
-
-def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> ConfidenceInterval:
-    k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
-    at = block(j).start + k
-    value, half = float(s.x[at]), BAND_95 * float(np.sqrt(s.cov[at, at]))
-    return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - half, 0.0), value + half)
-
-
-def _search_intervals(fit: CircuitFit) -> list[ConfidenceInterval]:
-    rates = fit.solution.rates
-    found = [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
-    for rate in fit.sought:
-        value, std = getattr(rates, rate.name), fit.search_std(rate.name)
-        half = BAND_95 * std
-        interval = ConfidenceInterval(rate.name, value, value - half, value + half)
-        found.append(_log_interval(rate.name, value, std) if rate.as_log else interval)
-    return found
 
 
 def _tau_std(fit: CircuitFit, j: int) -> float:
@@ -345,7 +332,9 @@ def noise_from_fit(
     solution, samples, volts = fit.solution, problem.samples, problem.volts
     residual_V = residual_std_V(solution, problem)
     axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
-    typical_A = typical_current_A(samples)
+    # as a slow RC pair sees the current
+    moved_As = sum(float(np.abs(s.mean_current_A * s.dt_s).sum()) for s in samples)
+    typical_A = moved_As / max(sum(float(s.dt_s.sum()) for s in samples), 1e-9)
     loaded_V, rested_V = posterior_std_V(solution, typical_A), posterior_std_V(solution, 0.0)
     posterior_V = beyond_axis_V(np.maximum(loaded_V, rested_V), p.ocv, axis_std)
     unvisited_V = volts * unvisited_std_V(samples, p.capacity_Ah)
@@ -360,9 +349,10 @@ def noise_from_fit(
     model_V = np.maximum(np.hypot(np.nan_to_num(residual_V), posterior_V), floor_V)
     least_share = _PULSES_SHARE if pulses_only else _USUAL_ERROR
     relaxation_s = min(max(p.tau_s, default=0.0), _RELAXATION_S)
+    steps_V = np.concatenate([np.diff(r) for r in solution.residual_V])
     return BatteryNoise(
         soc_axis_std=axis_std,
-        voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
+        voltage_std_V=max(_white_std(steps_V[np.isfinite(steps_V)]), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
         level_std_V=float(model_V.min()),
@@ -468,18 +458,6 @@ def unvisited_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.nda
     seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
     distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1, initial=1.0)
     return _UNVISITED_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
-
-
-def typical_current_A(samples: Sequence[FitSamples]) -> float:
-    """Mean magnitude of the current over time [A], as a slow RC pair sees it."""
-    moved = sum(float(np.abs(s.mean_current_A * s.dt_s).sum()) for s in samples)
-    return moved / max(sum(float(s.dt_s.sum()) for s in samples), 1e-9)
-
-
-def white_std_V(solution: CircuitSolution) -> float:
-    """Standard deviation of the residual from one sample to the next [V], robust: it is the part that is white."""
-    steps = np.concatenate([np.diff(r) for r in solution.residual_V])
-    return _white_std(steps[np.isfinite(steps)])
 
 
 def _white_std(steps: np.ndarray) -> float:

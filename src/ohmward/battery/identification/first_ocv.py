@@ -170,14 +170,10 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
         beyond = np.abs(OCV_KNOTS[:, None] - soc).min(axis=1)
         return by_rests._replace(line_std_V=float(np.ptp(curve.voltage_V)) * beyond)
     usual = _usual_ocv(records, settings)
-    return by_rests if _curvature_share(usual.curve, soc) <= _CHORD_SHARE else usual
-
-
-def _curvature_share(usual: OcvCurve, soc: np.ndarray) -> float:
-    """Largest distance of the usual curve from its chords between rests at these SoC, over its voltage."""
     grid = np.linspace(soc[0], soc[-1], OCV_GRID.size)
-    usual_V, at_rests_V = (np.asarray(usual.mean_V(x, usual.reference_degC)) for x in (grid, soc))
-    return float(np.max(np.abs(usual_V - np.interp(grid, soc, at_rests_V)) / usual_V, initial=0.0))
+    usual_V, at_rests_V = (np.asarray(usual.curve.mean_V(x, usual.curve.reference_degC)) for x in (grid, soc))
+    off_chord = np.abs(usual_V - np.interp(grid, soc, at_rests_V)) / usual_V
+    return by_rests if float(np.max(off_chord, initial=0.0)) <= _CHORD_SHARE else usual
 
 
 def soc_axis(

@@ -281,26 +281,21 @@ def _fit(
 def _problem(
     prepared: Preparation, samples: tuple[FitSamples, ...], settings: IdentificationSettings
 ) -> CircuitProblem:
+    first, Q = prepared.first, settings.capacity_Ah
+    prior, degC = first.prior(settings.chemistry), reference_degC(first.fitted)
+    # low-rate branches are records of the fit where the chemistry wants them and both directions were measured
+    fits_branches = prior.hysteresis_on_branches is not None and first.both_directions
     return CircuitProblem(
         samples,
-        prepared.first.curve,
-        settings.capacity_Ah,
-        prepared.first.prior(settings.chemistry),
-        slow_shape(prepared.first.curve, samples, settings.capacity_Ah),
-        reference_degC(prepared.first.fitted),
+        first.curve,
+        Q,
+        prior,
+        slow_shape(first.curve, samples, Q),
+        degC,
         fit_activation=load_temperature(samples).shows_activation,
-        longest_tau_s=longest_tau_s(prepared.first.fitted),
-        branches=_fitted_branches(prepared, settings),
+        longest_tau_s=longest_tau_s(first.fitted),
+        branches=tuple(thin_branch(b, Q, degC) for b in first.branches) if fits_branches else (),
     )
-
-
-def _fitted_branches(prepared: Preparation, settings: IdentificationSettings) -> tuple[FitSamples, ...]:
-    """The low-rate branches as records of the fit, where the chemistry wants them and both directions were measured."""
-    wanted = prepared.first.prior(settings.chemistry).hysteresis_on_branches is not None
-    if not (wanted and prepared.first.both_directions):
-        return ()
-    degC = reference_degC(prepared.first.fitted)
-    return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.first.branches)
 
 
 def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Identified:

@@ -56,8 +56,9 @@ def usable_log(log: Log, battery: Battery) -> Log:
     for finding in check_current_sign(evidence, "log"):
         if finding.severity == "error":
             raise InputError(str(finding))
-    for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
-        log = without(log, battery)
+    log = _without_stuck_current(_without_stuck_voltage(log, battery), battery)
+    log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
+    log = _without(log, "current", hidden_charges(log, battery), HIDDEN_CHARGE)
     if log.temperature_degC is None:
         return log
     degC, notes = without_impossible(QUANTITIES["battery_temperature_degC"], log.temperature_degC, unit_known=True)
@@ -116,12 +117,6 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
     smooth = np.sign(current_A) * medians(known)
     against_V = float(np.max(np.maximum.accumulate(smooth) - smooth))
     return against_V - _WARMED * abs(current_A) * pulse_ohm(model)
-
-
-def _without_hidden_current(log: Log, battery: Battery) -> Log:
-    """The log without currents that do not show the charge or load that moves the voltage."""
-    log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
-    return _without(log, "current", hidden_charges(log, battery), HIDDEN_CHARGE)
 
 
 def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:
