@@ -79,7 +79,9 @@ def fit_circuit(
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
-    first_rates = near or _first_rates(problem, pairs)
+    first_rates = near or [problem.usual_rates(tau_s) for tau_s in _STARTS[pairs]]
+    if not near and any(problem.ocv.hysteresis_V):
+        first_rates = [rates._replace(hysteresis_rate=gamma) for rates in first_rates for gamma in _GAMMAS]
     starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in first_rates]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
@@ -94,14 +96,6 @@ def fit_circuit(
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
     return CircuitFit(solution, search_cov, problem.sought)
-
-
-def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
-    """Rates to start from without another fit."""
-    usual = [problem.usual_rates(tau_s) for tau_s in _STARTS[pairs]]
-    if not any(problem.ocv.hysteresis_V):
-        return usual
-    return [rates._replace(hysteresis_rate=gamma) for rates in usual for gamma in _GAMMAS]
 
 
 class Search(NamedTuple):
@@ -205,24 +199,18 @@ def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None]) -> 
         fits[1] = fit_circuit(problem, 1, lambda s: progress(_SECOND + (1 - _SECOND) * s), near)
         chosen = 2 if _speaks_for(two, fits[1]) else 1
     progress(1.0)
-    return fits[chosen], _note(chosen, fits)
+    others = ", ".join(
+        f"{fit.solution.score - fits[chosen].solution.score:+.0f} with {pairs}"
+        for pairs, fit in sorted(fits.items())
+        if pairs != chosen
+    )
+    text = f"RC pairs: {chosen} chosen by evidence (-2 ln of it: {others}; a pair more must lower it by"
+    return fits[chosen], Note(f"{text} {_STRONG_EVIDENCE:g})")
 
 
 def _speaks_for(more: CircuitFit, fewer: CircuitFit) -> bool:
     """True where the evidence for the circuit with more pairs is strong."""
     return fewer.solution.score - more.solution.score > _STRONG_EVIDENCE
-
-
-def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:
-    """Sentence on the choice and on the evidence for it."""
-    best = fits[chosen].solution.score
-    others = ", ".join(
-        f"{fit.solution.score - best:+.0f} with {pairs}" for pairs, fit in sorted(fits.items()) if pairs != chosen
-    )
-    return Note(
-        f"RC pairs: {chosen} chosen by evidence "
-        f"(-2 ln of it: {others}; a pair more must lower it by {_STRONG_EVIDENCE:g})"
-    )
 
 
 #: Points of the OCV grid over which the gap is averaged: 5 % of SoC.

@@ -73,7 +73,19 @@ def reconcile_branches(branches: Sequence[OcvBranch]) -> tuple[OcvBranch, ...]:
     unless the gap between both is far more even with the branch stretched to the whole axis: then its charge was
     counted wrongly.
     """
-    return tuple(_reconciled(branch, branches) for branch in branches)
+    found = []
+    for branch in branches:
+        longer = _longer(branch, branches) if branch.complete else []
+        if longer:
+            share = branch.moved_Ah / longer[0].moved_Ah
+            soc = branch.soc[0] + share * (branch.soc - branch.soc[0])
+            # without its last part: there the voltage already runs to the limit, as if the battery were full or empty
+            inside = np.abs(soc - soc[-1]) >= 1 - share
+            from_start = branch._replace(soc=soc[inside], voltage_V=branch.voltage_V[inside], complete=False)
+            if _unevenness_V(from_start, longer[0]) < _UNEVEN * _unevenness_V(branch, longer[0]):
+                branch = from_start
+        found.append(branch)
+    return tuple(found)
 
 
 def branch_axis_std(branches: Sequence[OcvBranch]) -> float:
@@ -120,19 +132,6 @@ def _longer(branch: OcvBranch, branches: Sequence[OcvBranch]) -> list[OcvBranch]
         and branch.moved_Ah < _AGREEING_SHARE * other.moved_Ah
         and abs((other.temperature_degC or 0.0) - (branch.temperature_degC or 0.0)) < SAME_TEMPERATURE_K
     ]
-
-
-def _reconciled(branch: OcvBranch, branches: Sequence[OcvBranch]) -> OcvBranch:
-    longer = _longer(branch, branches) if branch.complete else []
-    if not longer:
-        return branch
-    share = branch.moved_Ah / longer[0].moved_Ah
-    soc = branch.soc[0] + share * (branch.soc - branch.soc[0])
-    # without its last part: there the voltage already runs to the limit, as if the battery were full or empty
-    inside = np.abs(soc - soc[-1]) >= 1 - share
-    from_start = branch._replace(soc=soc[inside], voltage_V=branch.voltage_V[inside], complete=False)
-    even = _unevenness_V(from_start, longer[0]) < _UNEVEN * _unevenness_V(branch, longer[0])
-    return from_start if even else branch
 
 
 def _unevenness_V(branch: OcvBranch, other: OcvBranch) -> float:

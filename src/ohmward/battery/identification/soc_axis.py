@@ -200,13 +200,21 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[SocAnchor, ...]:
 def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[SocAnchor, ...]:
     """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage.
 
-    After a discharge the voltage rests below the mean of both branches, after a charge above it.
+    After a discharge the voltage rests below the mean of both branches, after a charge above it. It errs by 1.5 mV per
+    volt and by the error of the hysteresis, which is all of it where its state is unknown.
     """
     degC = record.log.temperature_along(ocv.reference_degC)
     h, known = _hysteresis(record, capacity_Ah)
-    return tuple(
-        _by_voltage(record, at, ocv, float(degC[at]), float(h[at]), float(known[at])) for _, at in settled_ends(record)
-    )
+    found = []
+    for _, at in settled_ends(record):
+        voltage_V, T, branch = float(record.log.voltage_V[at]), float(degC[at]), _HYSTERESIS_SHARE * float(h[at])
+        soc = ocv.soc_at(voltage_V, T, branch)
+        hysteresis_std = float(known[at]) * _HYSTERESIS_SHARE_STD + (1 - float(known[at]))
+        error_V = hysteresis_std * float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
+        low, high = (ocv.soc_at(voltage_V + s * error_V, T, branch) for s in (-1, 1))
+        std = max(_SMALLEST_REST_STD, 0.5 * (high - low))
+        found.append(SocAnchor(at, soc, std, f"rest at {voltage_V:.4g} V"))
+    return tuple(found)
 
 
 def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[SocAnchor, ...]:
@@ -308,20 +316,6 @@ def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndar
     states = hysteresis_by_charge(moved_Ah, per_Ah, (-1.0, 0.0, 1.0))
     unknown = 0.0 if record.came_from else 0.5 * (states[:, 2] - states[:, 0])
     return states[:, 1 + record.came_from], 1.0 - unknown * np.ones(moved_Ah.size)
-
-
-def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> SocAnchor:
-    """SoC at a rest voltage, on the side of the mean curve given by the hysteresis state `h`.
-
-    The voltage errs by 1.5 mV per volt and by the error of the hysteresis, which is all of it where h is unknown.
-    """
-    voltage_V = float(record.log.voltage_V[sample])
-    branch = _HYSTERESIS_SHARE * h
-    soc = ocv.soc_at(voltage_V, degC, branch)
-    hysteresis_std = known * _HYSTERESIS_SHARE_STD + (1 - known)
-    error_V = hysteresis_std * float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
-    low, high = (ocv.soc_at(voltage_V + s * error_V, degC, branch) for s in (-1, 1))
-    return SocAnchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
 def _efficiency(record: Record, anchors: Sequence[SocAnchor], otherwise: float) -> float:
