@@ -25,7 +25,7 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, standing_work_J, with_terrain
 from ohmward.energy.discharge_end import end_along
-from ohmward.energy.drive_record import DriveRecord, measured_motion, observe_motion, record_drive
+from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import MissionForecast, Range, credible, get_home, range_along, range_left
 from ohmward.energy.range_estimator import soc_now
@@ -160,32 +160,16 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
-    known_as = {_folded(name): name for name in before.terrains}
-
-    def spelling(name: str) -> str:
-        return known_as.setdefault(_folded(name), name)
-
-    ground = spelling(ground) if isinstance(ground, str) else [spelling(name) for name in ground]
-    plan = replace(plan, leg=tuple(replace(leg, terrain=spelling(leg.terrain)) for leg in plan.leg)) if plan else None
-    log = None if log is None else with_contradictions(check_log(log, battery), battery)
+    ground, plan = _as_spelled_before(before.terrains, ground, plan)
     estimates: SocEstimate | None = None
     record: DriveRecord | None = None
-    if log is not None and settings.soc is None:
-        estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
-        estimates = SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
     if log is not None:
-        if robot is None or drive is None:
-            motion = measured_motion(log, settings.speed_column, settings.speed_unit)
-        else:
-            terrain = settings.terrain or hard_terrain(DEFAULT_TERRAIN)
-            motion = observe_motion(robot, drive, terrain, log.time_s, progress)
-        record = record_drive(log, motion, ground, settings.payload_kg)
+        log = with_contradictions(check_log(log, battery), battery)
+        estimates = _estimates(battery, log, settings) if settings.soc is None else None
+        record = record_drive(log, _motion(log, drive, robot, settings, progress), ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
-    ahead = [stretch_of(leg) for leg in plan.legs] if plan else []
-    if record and not plan:
-        work_J = [standing_work_J(consumption, d.stretch, d.energy_J) for d in record.driven]
-        ahead = [d.stretch._replace(task_J=J) for d, J in zip(record.driven, work_J, strict=True)]
+    ahead = _stretches_ahead(consumption, plan, record)
     known = credible(consumption, ahead)
     if known is not consumption:
         text = (
@@ -211,9 +195,49 @@ def analyse(
     )
 
 
-def _folded(name: str) -> str:
-    """One spelling of a ground: `Grass` and ` grass ` are called as the first of them was."""
-    return " ".join(name.split()).casefold()
+def _as_spelled_before(
+    terrains: Sequence[str], ground: str | Sequence[str] | np.ndarray, plan: Plan | None
+) -> tuple[str | list[str], Plan | None]:
+    """Ground and plan with the names of the terrains: `Grass` and ` grass ` are called as the first of them was."""
+
+    def folded(name: str) -> str:
+        return " ".join(name.split()).casefold()
+
+    known_as = {folded(name): name for name in terrains}
+
+    def spelling(name: str) -> str:
+        return known_as.setdefault(folded(name), name)
+
+    driven_on = spelling(ground) if isinstance(ground, str) else [spelling(name) for name in ground]
+    legs = tuple(replace(leg, terrain=spelling(leg.terrain)) for leg in plan.leg) if plan else ()
+    return driven_on, replace(plan, leg=legs) if plan else None
+
+
+def _estimates(battery: Battery, log: Log, settings: MissionSettings) -> SocEstimate:
+    """Estimates of the battery along the log."""
+    estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
+    return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
+
+
+def _motion(
+    log: Log,
+    drive: DriveLog | None,
+    robot: Robot | None,
+    settings: MissionSettings,
+    progress: Callable[[int, int], None] | None,
+) -> BodyMotion:
+    """Motion of the body along the log, by the observer of its robot or by a column."""
+    if robot is None or drive is None:
+        return measured_motion(log, settings.speed_column, settings.speed_unit)
+    return observe_motion(robot, drive, settings.terrain or hard_terrain(DEFAULT_TERRAIN), log.time_s, progress)
+
+
+def _stretches_ahead(c: Consumption, plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:
+    """Stretches of the plan, else those of the drive again, with the work that was done at standstill."""
+    if plan or record is None:
+        return [stretch_of(leg) for leg in plan.legs] if plan else []
+    work_J = [standing_work_J(c, d.stretch, d.energy_J) for d in record.driven]
+    return [d.stretch._replace(task_J=J) for d, J in zip(record.driven, work_J, strict=True)]
 
 
 def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consumption, list[Note]]:
