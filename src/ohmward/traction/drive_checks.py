@@ -80,7 +80,7 @@ RATIO_ALIKE = 0.1
 
 
 def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log as `mended`, with a warning for each fault that was found.
+    """The log as `mended`, its notes after a warning for each fault that was found.
 
     Raises:
         InputError: other wheels than the robot's, or the speed of the wheels and that from outside, or the turn by
@@ -107,7 +107,7 @@ def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
             found += check(robot, log)
         except InputError as error:  # another fault may be the cause
             raise InputError("; ".join([str(error), *found]), error.options) from None
-    return log.with_notes(*(Note(text, "warning") for text in found))
+    return replace(log, notes=(*(Note(text, "warning") for text in found), *log.notes))
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:

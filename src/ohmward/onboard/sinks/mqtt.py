@@ -50,8 +50,8 @@ class MqttSink(MqttBroker):
         status = f"{self.topic}/status"
         async with self.connected((status, "offline")) as (client, _):
             client.publish(status, "online", qos=1, retain=True)
-            for topic, about in home_assistant(self.topic, self.robot) if self.home_assistant else ():
-                client.publish(f"{self.home_assistant}/{topic}", json.dumps(about), qos=1, retain=True)
+            for topic, about in self.discovery():
+                client.publish(topic, json.dumps(about), qos=1, retain=True)
             alarms: tuple[str, ...] | None = None
             while states := await feed.batch(_STATES_AT_ONCE):
                 sent: list[tuple[RobotState, list[Any]]] = []
@@ -69,6 +69,12 @@ class MqttSink(MqttBroker):
         """Connect without publishing anything."""
         async with self.connected() as (_, received):
             await received.take()
+
+    def discovery(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Topics and objects by which Home Assistant finds the robot."""
+        if self.home_assistant:
+            for topic, about in home_assistant(self.topic, self.robot):
+                yield f"{self.home_assistant}/{topic}", about
 
     def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
         """Topics and payloads of a state; an unknown number has an empty payload, which deletes the retained one."""

@@ -18,7 +18,7 @@ from ohmward.logs.objects_file import cells_of_line, numbers_of_line
 from ohmward.onboard.line_reader import LONGEST_LINE
 from ohmward.onboard.message import Handover, Message, Put, Signals, Wiring, read_in_thread
 from ohmward.onboard.part import FaultyInput
-from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader
+from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader, SerialFrame
 from ohmward.onboard.sources.json_lines import wired_and_own
 from ohmward.optional import require
 from ohmward.quantities import QUANTITIES
@@ -77,10 +77,8 @@ class SerialSource:
 
         def messages(data: bytes, received_s: float) -> Iterator[Message]:
             for frame in frames.feed(data):
-                stamp_s, of_frame = clock.stamp_s(frame.time_us), names.get(frame.number, ())
-                if len(of_frame) == len(frame.values):
-                    values = wiring.values(dict(zip(of_frame, frame.values, strict=True)))
-                    yield Message(stamp_s, received_s, self.name, values)
+                if message := self.message(frame, names, wiring, clock, received_s):
+                    yield message
                 else:
                     faulty.count()
             faulty.count(frames.faulty)
@@ -102,6 +100,21 @@ class SerialSource:
             lines.faulty = 0
 
         return messages
+
+    def message(
+        self,
+        frame: SerialFrame,
+        names: dict[int, tuple[str, ...]],
+        wiring: Wiring,
+        clock: FrameClock,
+        received_s: float,
+    ) -> Message | None:
+        """The message of a frame; None if it does not have one value for each name."""
+        stamp_s = clock.stamp_s(frame.time_us)
+        of_frame = names.get(frame.number, ())
+        if len(of_frame) != len(frame.values):
+            return None
+        return Message(stamp_s, received_s, self.name, wiring.values(dict(zip(of_frame, frame.values, strict=True))))
 
     @asynccontextmanager
     async def line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:

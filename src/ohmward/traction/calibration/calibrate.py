@@ -111,8 +111,8 @@ def calibrate(
 def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog) -> list[Note]:
     """Warnings of `check_drive`, with the name of the log."""
     log = drive.log if isinstance(drive, CalibrationDrive) else drive
-    found = check_drive(robot, log).notes[len(log.notes) :]
-    return [note._replace(text=f"{log.name}: {note.text}") for note in found]
+    found = check_drive(robot, log).notes
+    return [note._replace(text=f"{log.name}: {note.text}") for note in found if note not in log.notes]
 
 
 def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:
