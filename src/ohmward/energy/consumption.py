@@ -57,7 +57,7 @@ _LEAST_M = 0.01
 #: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: Standard deviations by which the idle power must exceed the power under way to be refuted by it.
-_SURELY = 3.0
+_SURELY_STDS = 3.0
 #: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
 _LEAST_NARROWED = 0.02
 
@@ -362,7 +362,7 @@ def standing_work_J(c: Consumption, stretch: Stretch, energy_J: float) -> float:
 def _without_refuted_idle(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """The idle power of before the first drive, where work at standstill was taken for it: the drives take less."""
     now = Visits(1, stretch.distance_m, stretch.time_s, energy_J)
-    surely_W = float(c.mean[IDLE] - _SURELY * np.sqrt(c.cov[IDLE, IDLE]))
+    surely_W = float(c.mean[IDLE] - _SURELY_STDS * np.sqrt(c.cov[IDLE, IDLE]))
     if not stretch.terrain or surely_W <= _under_way_W((*c.visits, now)):
         return c
     mean, cov = c.mean.copy(), c.cov.copy()

@@ -45,7 +45,7 @@ _LEAST_J = _LEAST_M = 1e-9
 #: Level ground takes more than this share of what was expected before the first drive, or the power was not measured.
 _CREDIBLE_SHARE = 0.03
 #: Least energy per metre of level ground, relative to the mean.
-_LEAST_SHARE = 0.1
+_LEAST_ENERGY_SHARE = 0.1
 
 
 class Range(NamedTuple):
@@ -124,7 +124,7 @@ def range_along(
     distance, seconds = (
         np.interp(place, np.arange(len(looked_at) + 1), [0.0, *values[looked_at]]) for values in (length_m, time_s)
     )
-    least_J = max(_LEAST_SHARE * float(demand.mean_J[-1]), _LEAST_J)
+    least_J = max(_LEAST_ENERGY_SHARE * float(demand.mean_J[-1]), _LEAST_J)
     beyond = np.maximum(usable / np.maximum(needed[-1], least_J), 1.0)  # where the battery gives more than that
     return Range(
         quantiles(distance * beyond),
@@ -241,7 +241,7 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
 
 def spent_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] of level ground or standing at the points, without the scatter; at least a tenth of the mean."""
-    return np.maximum(certain_part(n, z), _LEAST_SHARE * n.mean_J)
+    return np.maximum(certain_part(n, z), _LEAST_ENERGY_SHARE * n.mean_J)
 
 
 def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from ohmward.signals.checks import Finding, Place, Scale, rescale, scales_of
 from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S
 from ohmward.traction.odometry.measured_motion import may_scrub
-from ohmward.traction.odometry.turn_watch import LEAST_SHARE, OTHER_UNIT_RATIO
+from ohmward.traction.odometry.turn_watch import LEAST_TURN_SHARE, OTHER_UNIT_RATIO
 from ohmward.traction.robot.chassis import PLANAR, Steered
 from ohmward.traction.robot.robot import Robot
 
@@ -164,7 +164,7 @@ def hides_turns(robot: Robot, motion: SensedMotion) -> bool:
     if np.count_nonzero(turning) < FEWEST_VALUES:
         return False
     if may_scrub(robot):
-        return bool(abs(np.mean(rate[turning] / by_wheels[turning])) < LEAST_SHARE)
+        return bool(abs(np.mean(rate[turning] / by_wheels[turning])) < LEAST_TURN_SHARE)
     return bool(np.mean(np.abs(rate[turning]) < COUNTED_TURN_RAD_S) > HIDDEN_SHARE)
 
 

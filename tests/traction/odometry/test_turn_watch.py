@@ -13,7 +13,7 @@ from ohmward.traction.motion.stuck_sensors import GyroWatch, watch_gyro
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.odometry.turn_watch import (
-    LEAST_SHARE,
+    LEAST_TURN_SHARE,
     MOST_SPINS_RAD,
     MOST_WRONG_S,
     REVERSED_S,
@@ -82,7 +82,7 @@ def test_a_gyro_of_another_axis_is_found_from_the_start_later_where_wheels_scrub
     if robot is TWO and from_s == 5.0:
         assert since(found) == pytest.approx(from_s + WRONG_S / UNSHOWN_COUNTS, abs=2.0 * DT_S)
     elif from_s == 5.0:  # the mean of 1 over a second and of the gyro's share since then
-        assert since(found) == pytest.approx(from_s + (1.0 - LEAST_SHARE) / (LEAST_SHARE - 0.01), abs=1.0)
+        assert since(found) == pytest.approx(from_s + (1.0 - LEAST_TURN_SHARE) / (LEAST_TURN_SHARE - 0.01), abs=1.0)
     else:  # wheels spin for a while
         assert not found.any()
 

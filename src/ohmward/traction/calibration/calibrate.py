@@ -35,7 +35,7 @@ from ohmward.traction.terrain.floor import Floor, travel_speed
 #: Parts of a robot that can be calibrated.
 PARTS = ("radius", "track", "motor")
 #: Shifts [s] in which a true motion may be late, and from which it is a warning.
-_MOST_LATE_S, _LEAST_LATE_S = 3.0, 0.3
+_MOST_SHIFT_S, _LEAST_SHIFT_S = 3.0, 0.3
 #: Factor between the sum of the loads and the weight from which they are not in newtons.
 _OTHER_UNIT = 3.0
 
@@ -137,16 +137,16 @@ def lateness_s(drive: CalibrationDrive, robot: Robot) -> float:
     known = [
         (time_s[ok], speed[ok]) for speed in (rim_m_s, travel_speed(drive.motion)) if (ok := np.isfinite(speed)).any()
     ]
-    grid_s = np.arange(time_s[0] + _MOST_LATE_S, time_s[-1] - _MOST_LATE_S, LENGTH_S / 10)
+    grid_s = np.arange(time_s[0] + _MOST_SHIFT_S, time_s[-1] - _MOST_SHIFT_S, LENGTH_S / 10)
     if len(known) < 2 or grid_s.size < 10:
         return 0.0
-    shifts_s = np.linspace(-_MOST_LATE_S, _MOST_LATE_S, 61)
+    shifts_s = np.linspace(-_MOST_SHIFT_S, _MOST_SHIFT_S, 61)
     rim, *bodies = np.interp(grid_s, *known[0]), *(np.interp(grid_s + shift_s, *known[1]) for shift_s in shifts_s)
     with np.errstate(invalid="ignore", divide="ignore"):
         unlike = 1.0 - np.nan_to_num([np.corrcoef(rim, body)[0, 1] for body in bodies])
     best = int(unlike.argmin())
     cured = unlike[best] < 0.5 * unlike[shifts_s.size // 2]
-    return float(shifts_s[best]) if cured and abs(shifts_s[best]) >= _LEAST_LATE_S else 0.0
+    return float(shifts_s[best]) if cured and abs(shifts_s[best]) >= _LEAST_SHIFT_S else 0.0
 
 
 def usual_parts(robot: Robot) -> tuple[str, ...]:

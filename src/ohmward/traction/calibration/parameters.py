@@ -133,7 +133,7 @@ def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray
 
 
 #: Standard deviations of its own value, beyond the band of all, from which a part of the drives contradicts them.
-_CONTRADICTS = 3.0
+_CONTRADICTS_STDS = 3.0
 
 
 def correlated_error(residual: np.ndarray, fitted: np.ndarray, drive: np.ndarray) -> float:
@@ -163,7 +163,7 @@ def contradiction(
     power, product = (np.bincount(part, fitted * values) for values in (fitted, residual))
     power = np.maximum(power, 1e-12)
     own_std = np.sqrt(np.mean(residual**2) / power)
-    beyond = np.abs(product / power) - BAND_95 * share_std - _CONTRADICTS * own_std
+    beyond = np.abs(product / power) - BAND_95 * share_std - _CONTRADICTS_STDS * own_std
     worst = int(beyond.argmax())
     if not beyond[worst] > 0.0:
         return "", 1.0
@@ -180,7 +180,7 @@ def _unequal_sides(robot: Robot, rows: Stretches) -> str:
     A = 0.5 * np.column_stack([rows.wheel_speed_rad_s[:, :n][:, side].mean(axis=1) for side in (left, ~left)])
     fit = regress(A, rows.motion[:, 0], rows.drive, np.full(2, own_m), np.full(2, own_m))
     std_m = math.sqrt(fit.cov[0, 0] + fit.cov[1, 1] - 2.0 * fit.cov[0, 1])
-    if not abs(fit.beta[0] - fit.beta[1]) > MOST_UNEQUAL * abs(fit.beta.mean()) + _CONTRADICTS * std_m:
+    if not abs(fit.beta[0] - fit.beta[1]) > MOST_UNEQUAL * abs(fit.beta.mean()) + _CONTRADICTS_STDS * std_m:
         return ""
     return (
         f"the left wheel asks for a radius of {fit.beta[0]:.3g} m, the right one for {fit.beta[1]:.3g} m: an encoder "
@@ -335,7 +335,7 @@ def calibrate_track(
 
 def _wrong_turn(robot: Robot, rows: Stretches, own_m: float, share: float, std: float, radius_share_std: float) -> str:
     """Reason why turns do not show a size of own_m in the robot file; "" if they may."""
-    if share < -_CONTRADICTS * std < 0.0:
+    if share < -_CONTRADICTS_STDS * std < 0.0:
         return (
             "the robot turns the other way than its wheels: left and right wheels are exchanged, or the sign of the "
             "gyro, heading or steering angle is wrong"

@@ -23,7 +23,7 @@ from ohmward.traction.terrain.floor import travel_speed
 HALF_WINDOW_S = 0.3
 #: Largest speed across the way as a share of that along it, and largest angle between heading and way, of wheels that
 #: only roll ahead; speeds and yaw rates more alike than this leave the point that the pose is of unknown.
-MOST_ACROSS, MOST_TURNED_DEG, _ALIKE = 0.3, 10.0, 0.9
+MOST_ACROSS, MOST_TURNED_DEG, _SPEED_AND_TURN_ALIKE = 0.3, 10.0, 0.9
 
 
 class CalibrationDrive(NamedTuple):
@@ -107,7 +107,7 @@ def _check_heading(motion: np.ndarray) -> None:
     v, u, yaw_rate = motion.T
     if not np.sum(v**2 + u**2) > len(motion) * SLOWEST_M_S**2:
         return
-    if abs(v @ yaw_rate) < _ALIKE * np.linalg.norm(v) * np.linalg.norm(yaw_rate):
+    if abs(v @ yaw_rate) < _SPEED_AND_TURN_ALIKE * np.linalg.norm(v) * np.linalg.norm(yaw_rate):
         u = u - np.linalg.lstsq(motion[:, [0, 2]], u, rcond=None)[0][1] * yaw_rate
     angle_rad = 0.5 * math.atan2(2.0 * float(u @ v), float(v @ v - u @ u))
     across = float(np.linalg.norm(u * math.cos(angle_rad) - v * math.sin(angle_rad)) / np.linalg.norm([u, v]))

@@ -45,7 +45,7 @@ UNSHOWN_COUNTS = 0.2
 
 #: Least mean share of the turns of wheels that scrub which a gyro shows, either way, and least and most time [s] in the
 #: mean. Before the first turn it is 1, as if over a second.
-LEAST_SHARE, LEAST_SHARE_S, MOST_SHARE_S = 0.03, 30.0, 600.0
+LEAST_TURN_SHARE, LEAST_TURN_SHARE_S, MOST_TURN_SHARE_S = 0.03, 30.0, 600.0
 
 #: Turn [rad] on the spot, beyond that on the way, from which a robot without a gyro may drive straight on.
 MOST_SPINS_RAD = 6.0 * np.pi
@@ -77,7 +77,7 @@ class TurnWatch(NamedTuple):
     @property
     def hidden(self) -> Scalar:
         """The condition that the gyro measures another axis than that about which wheels that scrub turn the robot."""
-        return (abs(self.share) < LEAST_SHARE) & (self.share_s > LEAST_SHARE_S)
+        return (abs(self.share) < LEAST_TURN_SHARE) & (self.share_s > LEAST_TURN_SHARE_S)
 
     @property
     def scaled(self) -> Scalar:
@@ -238,7 +238,7 @@ def average_share(
     counted_s = where(turns, since_s, 0.0)
     share_s = before.share_s + counted_s
     mean = before.share + counted_s / share_s * (share - before.share)
-    return before._replace(share=mean, share_s=minimum(share_s, MOST_SHARE_S))
+    return before._replace(share=mean, share_s=minimum(share_s, MOST_TURN_SHARE_S))
 
 
 def count_turn(before: TurnWatch, rates: YawRates, dt_s: Scalar, robot: Robot) -> TurnWatch:
