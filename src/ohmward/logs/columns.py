@@ -66,9 +66,8 @@ class UnclearColumnsError(InputError):
         ties: Sequence[str] = (),
     ):
         self.faults = faults  #: quantity -> its fault, a clause
-        self.ties = dict.fromkeys(
-            choice, ties
-        )  #: quantity -> the columns that fit it equally well, none if it has none
+        #: quantity -> the columns that fit it equally well, none if it has none
+        self.ties = dict.fromkeys(choice, ties)
         self.choice = choice  #: quantity -> a column that may hold it, None if none has a similar name
         given = {quantity: name or "NAME" for quantity, name in choice.items()}
         options = [f"{quantity}={name}" for quantity, name in given.items()]

@@ -10,7 +10,7 @@ sandwich of few groups is too small. It holds although the rows of one group are
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -427,7 +427,12 @@ def calibrate_motor(
         found = [Parameter(CONSTANT, own, _KAPPA_STD * own, reason)]
         prior_std[KAPPA] = _HELD
         fit = regress(columns, torque_Nm, drive, prior, prior_std)
-        kappa = float(fit.beta[KAPPA])
+    return (*found, *_losses(fit, robot, prior_std))
+
+
+def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> Iterator[Parameter]:
+    """Friction and damping, over kappa; the robot's own where they are not identified."""
+    motor, kappa = robot.motor, float(fit.beta[KAPPA])
     alike = "the speeds are too much alike"
     if prior_std[DAMPING] != _HELD:
         alike = f"it is small, or {alike}"
@@ -436,9 +441,7 @@ def calibrate_motor(
         (DAMPING, "motor.damping_Nms_per_rad", motor.damping_Nms_per_rad, alike),
     ):
         value, std = float(fit.beta[i]) / kappa, float(np.sqrt(fit.cov[i, i])) / kappa
-        identified = is_identified(name, value, std)
-        found.append(Parameter(name, value, std) if identified else Parameter(name, own, std, reason))
-    return tuple(found)
+        yield Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)
 
 
 def rows(s: Stretches, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

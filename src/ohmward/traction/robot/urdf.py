@@ -81,10 +81,7 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     assumed = ["motors: a URDF has none; usual ones for the mass are assumed, so their currents give no forces yet"]
     if total_kg > 0:
         centre_m = np.average([link.centre_m for link in links], axis=0, weights=[link.mass_kg for link in links])
-        about_vertical = (
-            float(link.inertia[2, 2] + link.mass_kg * np.sum((link.centre_m - centre_m)[:2] ** 2)) for link in links
-        )
-        square_m2 = sum(about_vertical) / total_kg
+        square_m2 = sum(_about_vertical(link, centre_m) for link in links) / total_kg
     else:
         centre_m, square_m2 = np.mean([wheel.at_m for wheel in wheels], axis=0), 0.0
     chassis, names, words = _chassis(driven, _casters(links, wheels), float(centre_m[0]), str(path))
@@ -99,16 +96,12 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         for wheel in driven
         if wheel.axis[1] < 0
     ]
-    # the mean of the wheels; a uniform disc if they have no inertia
-    widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
-    inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
-    disc_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * (mass_kg or total_kg)
     robot = Robot(
         name=root.get("name") or Path(path).stem,
         mass_kg=mass_kg or total_kg,
         yaw_inertia_kg_m2=(mass_kg or total_kg) * square_m2,
         chassis=chassis,
-        wheel=Wheel(radius, float(np.mean(widths)) if widths else WIDTH * radius, inertia or disc_kg * radius**2 / 2),
+        wheel=_wheel(driven, radius, mass_kg or total_kg),
         motor=generic_motor(mass_kg or total_kg, radius, len(driven)),
         height_m=max(0.0, float(centre_m[2] - driven[0].at_m[2]) + radius) if total_kg > 0 else 0.0,
     )
@@ -118,6 +111,16 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         unit.name: roll_pitch_yaw(unit.frame) for unit in units if not np.allclose(unit.frame, np.eye(3), atol=1e-3)
     }
     return UrdfRobot(robot, joints, turned, tuple(assumed))
+
+
+def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
+    """Mean of the wheels; a uniform disc if they have no inertia."""
+    widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
+    inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
+    wheel_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * mass_kg
+    return Wheel(
+        radius_m, float(np.mean(widths)) if widths else WIDTH * radius_m, inertia or wheel_kg * radius_m**2 / 2
+    )
 
 
 def _root(path: str | PathLike[str]) -> ElementTree.Element:
@@ -277,6 +280,11 @@ def _two_wheeled(
             "centre of gravity: a quarter of the way from axle to caster; where the masses put it, the robot tips over"
         )
         return TwoWheeled(axle_m - centre_m, track_m, tuple(place - centre_m for place in casters_m)), words
+
+
+def _about_vertical(link: _Link, centre: np.ndarray) -> float:
+    """Yaw inertia [kg m2] of a link about the vertical through the centre of gravity."""
+    return float(link.inertia[2, 2] + link.mass_kg * np.sum((link.centre_m - centre)[:2] ** 2))
 
 
 def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
