@@ -1,4 +1,4 @@
-"""Damaged logs and recordings through each reader: only errors of ours, no log that cannot be, no memory without bound.
+"""Damaged logs, recordings, settings through each reader: only errors of ours, no log that cannot be, bounded memory.
 
 python benchmarks/log_fuzz.py                                     1,000 files of each reader
 python benchmarks/log_fuzz.py --files 1000000 --state fuzz.json   so many, going on where the last run ended
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import signal
 import sys
 import traceback
@@ -36,6 +37,11 @@ LIMIT_BYTES = 16 << 30
 #: Files that the process reads between two entries in the state, and time [s] after which a file is said to hang.
 BLOCK, HANGS_S = 200, 60.0
 FINE = ("read", "refused")
+#: Readers of files that are no logs.
+SETTINGS = ("battery", "robot", "floors")
+#: A number in such a file, and what may stand there instead.
+NUMBER = re.compile(rb"(?<![\w\"])-?\d+\.?\d*(?:e-?\d+)?(?![\w\"])")
+NUMBERS = (b"nan", b"inf", b"-inf", b"0", b"-1", b"1e308", b"1e-308", b"1e400", b"9" * 400, b"true", b'"12"', b"[]")
 #: Numbers of files that are noted for each other outcome.
 EXAMPLES = 3
 
@@ -99,6 +105,32 @@ def drives(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.csv"))
 
 
+def settings(folder: Path) -> dict[str, list[Path]]:
+    """Files of batteries, robots and floors, by the name of their reader."""
+    from ohmward.battery.chemistries import CHEMISTRIES, generic_battery
+    from ohmward.battery.file import save_battery
+    from ohmward.traction import RLMA
+    from ohmward.traction.robot.robot import save_robot
+    from ohmward.traction.terrain.floor import Floor, Floors, save_floors
+
+    batteries = [folder / f"{name}.toml" for name in CHEMISTRIES]
+    for path in batteries:
+        save_battery(generic_battery(path.stem, 5.0, 4), path)
+    save_robot(RLMA, folder / "robot.toml")
+    floors = (Floor("lawn", 0.6, 8.0, 0.05), Floor("tiles", 0.9, 20.0, 0.02))
+    save_floors(Floors("rover", floors), folder / "floors.toml")
+    return {"battery": batteries, "robot": [folder / "robot.toml"], "floors": [folder / "floors.toml"]}
+
+
+def with_other_number(content: bytes, rng: Any) -> bytes:
+    """The content of a settings file with one of its numbers replaced."""
+    hits = list(NUMBER.finditer(content))
+    hit = hits[rng.integers(len(hits))]
+    scaled = f"{float(hit[0]) * 10 ** rng.uniform(-6, 6):.6g}".encode()
+    other = rng.choice([*NUMBERS, scaled, b"-" + hit[0].lstrip(b"-")])
+    return content[: hit.start()] + other + content[hit.end() :]
+
+
 def sources(folder: Path) -> dict[str, Source]:
     """The damaged inputs of each reader, by its name."""
     from logs.formats.frames import damaged_frame
@@ -107,11 +139,11 @@ def sources(folder: Path) -> dict[str, Source]:
     from ohmward.logs.hints import HEAD_BYTES
     from ohmward.logs.read import opener_of
 
-    places = {name: folder / name for name in ("formats", "recordings", "drives")}
+    places = {name: folder / name for name in ("formats", "recordings", "drives", "settings")}
     for place in places.values():
         place.mkdir()
     paths = [*written(places["formats"]).values(), *recordings(places["recordings"])]
-    of_readers: dict[str, list[Path]] = {"drives": drives(places["drives"])}
+    of_readers = {"drives": drives(places["drives"]), **settings(places["settings"])}
     for path in paths:
         opener: Any = opener_of(path.read_bytes()[:HEAD_BYTES])
         name = "open_bag" if is_recording(path) else getattr(opener, "func", opener).__name__
@@ -121,7 +153,8 @@ def sources(folder: Path) -> dict[str, Source]:
 
     def damaged(originals: list[tuple[Path, bytes]], rng: Any) -> Path:
         path, content = originals[rng.integers(len(originals))]
-        path.write_bytes(damage(content, path.suffix, rng))
+        renumbered = path.suffix == ".toml" and rng.integers(2)
+        path.write_bytes(with_other_number(content, rng) if renumbered else damage(content, path.suffix, rng))
         return path
 
     found = {
@@ -131,7 +164,20 @@ def sources(folder: Path) -> dict[str, Source]:
     return found | {"open_frame": Source(damaged_frame, lambda frame: MOST_BYTES)}
 
 
-def take(source: Any, how: int) -> None:
+def take(name: str, number: int, source: Any) -> None:
+    """Read the input with this number of a reader.
+
+    Raises:
+        OhmwardError: it is refused.
+        AssertionError: a log or an estimate that cannot be.
+    """
+    if name in SETTINGS:
+        take_settings(name, source)
+    else:
+        take_log(source, 2 if name == "drives" and number % 4 < 2 else number % 4)
+
+
+def take_log(source: Any, how: int) -> None:
     """Read an input as one of its users would, and examine what is in it.
 
     how: 0 and 1 for the log of a battery, 2 for a drive, 3 for whatever `ohmward doctor` finds in it.
@@ -167,6 +213,28 @@ def take(source: Any, how: int) -> None:
             assert not np.isinf(column).any(), "an infinite number"
 
 
+def take_settings(kind: str, path: Path) -> None:
+    """Read a file of a battery, a robot or floors; with a battery, a short log is estimated.
+
+    Raises:
+        OhmwardError: it is refused.
+        AssertionError: an estimate is no number.
+    """
+    import numpy as np
+
+    from ohmward import Log, SocEstimator, load_battery
+    from ohmward.traction.robot.packaged import load_robot
+    from ohmward.traction.terrain.floor import load_floors
+
+    if kind != "battery":
+        (load_robot if kind == "robot" else load_floors)(path)
+        return
+    battery, time_s = load_battery(path), np.arange(30.0)
+    current_A, voltage_V = np.where(time_s % 10 < 5, -2.0, 0.0), np.full(30, 0.5 * battery.voltage_max_V + 1.0)
+    found = SocEstimator(battery, lowering="python").run(Log("short", time_s, current_A, voltage_V))
+    assert np.isfinite(found.soc).all() and np.isfinite(found.soc_std).all(), "an estimate is no number"
+
+
 def outcome(source: Source, name: str, seed: int, number: int) -> str:
     """`read`, `refused`, or what must not be, of the input with this number."""
     import numpy as np
@@ -176,7 +244,7 @@ def outcome(source: Source, name: str, seed: int, number: int) -> str:
     made = source.make(np.random.default_rng([seed, zlib.crc32(name.encode()), number]))
     before = _start_memory()
     try:
-        take(made, 2 if name == "drives" and number % 4 < 2 else number % 4)
+        take(name, number, made)
         found = "read"
     except OhmwardError:
         found = "refused"
@@ -338,7 +406,7 @@ def run_one(seed: int, word: str, number: int) -> bool:
             left.write_bytes(made.read_bytes())
             print(f"{name}: {left}, once {made.relative_to(folder)}")
         warnings.simplefilter("error")
-        take(made, 2 if name == "drives" and number % 4 < 2 else number % 4)
+        take(name, number, made)
     return True
 
 
