@@ -20,6 +20,7 @@ from typing import Any
 
 from ohmward.trace.expression import Expression, Scalar, apply, next_serial
 from ohmward.trace.expression import select as where
+from ohmward.trace.functions import floor, maximum, minimum, sign
 from ohmward.trace.program import Program, schedule
 
 
@@ -121,21 +122,6 @@ def _expansion(program: Program, precision: Precision) -> Program:
     return replace(program, nodes=schedule(outputs), outputs=outputs)
 
 
-def minimum(a: Scalar, b: Scalar) -> Scalar:
-    """The smaller one; nan if either is nan."""
-    return apply("minimum", a, b)
-
-
-def maximum(a: Scalar, b: Scalar) -> Scalar:
-    """The larger one; nan if either is nan."""
-    return apply("maximum", a, b)
-
-
-def sign(x: Scalar) -> Scalar:
-    """-1, 0 or 1; nan stays nan."""
-    return apply("sign", x)
-
-
 def _polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
     """c0 + c1 x + c2 x^2 + ... by Horner's rule."""
     result: Scalar = coefficients[-1]
@@ -149,10 +135,6 @@ def _nearest(p: Precision, x: Scalar) -> Scalar:
     return (x + p.rounder) - p.rounder
 
 
-def _power_of_two(n: Scalar) -> Scalar:
-    return apply("power_of_two", n)
-
-
 def _reduced(p: Precision, x: Scalar) -> tuple[Scalar, Scalar]:
     """Parts n and e^r - 1 of x = n ln 2 + r, |r| <= ln(2)/2; x within the range of exp."""
     n = _nearest(p, x * (1.0 / math.log(2.0)))
@@ -164,14 +146,14 @@ def _exp(p: Precision, x: Scalar) -> Scalar:
     n, e = _reduced(p, minimum(maximum(x, p.underflow), p.overflow))
     half = _nearest(p, 0.5 * n)
     # in two factors: 2^n alone is not a normal number at either end of the range
-    y = ((e + 1.0) * _power_of_two(half)) * _power_of_two(n - half)
+    y = ((e + 1.0) * apply("power_of_two", half)) * apply("power_of_two", n - half)
     return where(x > p.overflow, math.inf, where(x != x, x, y))
 
 
 def _expm1(p: Precision, x: Scalar) -> Scalar:
     # above 60 the 1 is below the last bit, and below -60 the result is -1
     n, e = _reduced(p, minimum(maximum(x, -60.0), 60.0))
-    scale = _power_of_two(n)
+    scale = apply("power_of_two", n)
     y = e * scale + (scale - 1.0)
     return where(x > 60.0, _exp(p, x), where(x != x, x, where(x == 0.0, x, y)))
 
@@ -180,7 +162,7 @@ def _log(p: Precision, x: Scalar) -> Scalar:
     small = x < p.tiny
     lifted = where(small, x * p.lift[0], x)
     e = apply("exponent", lifted)
-    m = lifted * _power_of_two(-e)
+    m = lifted * apply("power_of_two", -e)
     high = m > math.sqrt(2.0)
     f = where(high, 0.5 * m, m) - 1.0
     k = where(high, e + 1.0, e) - where(small, p.lift[1], 0.0)
@@ -270,14 +252,10 @@ def _arcsinh(p: Precision, x: Scalar) -> Scalar:
 
 def _power(p: Precision, base: Scalar, exponent: Scalar) -> Scalar:
     size = _exp(p, exponent * _log(p, abs(base)))
-    whole = _floor(exponent) == exponent
-    odd = 2.0 * _floor(0.5 * exponent) != exponent
+    whole = floor(exponent) == exponent
+    odd = 2.0 * floor(0.5 * exponent) != exponent
     signed = where(base < 0.0, where(whole, where(odd, -size, size), math.nan), size)
     return where((exponent == 0.0) | (base == 1.0), 1.0, signed)
-
-
-def _floor(x: Scalar) -> Scalar:
-    return apply("floor", x)
 
 
 #: One formula for each operation that needs one: (precision, *arguments) -> scalar.

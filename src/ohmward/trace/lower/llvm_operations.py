@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from ohmward.trace.bounds import within
@@ -21,51 +22,35 @@ def spell(w: Instructions, node: Expression) -> Iterator[str]:
     yield from SPELLINGS[node.operation.name](w, result, node.args)
 
 
-def _arithmetic(instruction: str) -> Speller:
-    def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-        yield w.arithmetic(result, instruction, *args)
-
-    return lines
+def _arithmetic(instruction: str, w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
+    yield w.arithmetic(result, instruction, *args)
 
 
-def _comparison(predicate: str) -> Speller:
-    def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-        yield w.compare(result, predicate, *args)
-
-    return lines
+def _comparison(predicate: str, w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
+    yield w.compare(result, predicate, *args)
 
 
-def _bitwise(instruction: str) -> Speller:
-    def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-        yield w.line(result, instruction, w.target.flag, *args)
-
-    return lines
+def _bitwise(instruction: str, w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
+    yield w.line(result, instruction, w.target.flag, *args)
 
 
-def _intrinsic(name: str) -> Speller:
-    def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-        yield w.intrinsic(result, name, args[0])
-
-    return lines
+def _intrinsic(name: str, w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
+    yield w.intrinsic(result, name, args[0])
 
 
-def _extremum(predicate: str, opposite: str) -> Speller:
+def _extremum(predicate: str, opposite: str, w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
     """Of a and b the first if it is smaller (larger) or nan, else the second."""
-
-    def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-        a, b = args
-        first = w.new()
-        if isinstance(b, float) and b and not math.isnan(b):  # with b = 0 the sign of a zero could be lost
-            yield w.compare(first, opposite, a, b)
-            yield w.select(result, first, b, a)
-            return
-        missing, taken = w.new(), w.new()
-        yield w.compare(first, predicate, a, b)
-        yield w.compare(missing, "uno", a, a)
-        yield w.line(taken, "or", w.target.flag, first, missing)
-        yield w.select(result, taken, a, b)
-
-    return lines
+    a, b = args
+    first = w.new()
+    if isinstance(b, float) and b and not math.isnan(b):  # with b = 0 the sign of a zero could be lost
+        yield w.compare(first, opposite, a, b)
+        yield w.select(result, first, b, a)
+        return
+    missing, taken = w.new(), w.new()
+    yield w.compare(first, predicate, a, b)
+    yield w.compare(missing, "uno", a, a)
+    yield w.line(taken, "or", w.target.flag, first, missing)
+    yield w.select(result, taken, a, b)
 
 
 def _where(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
@@ -169,29 +154,29 @@ def _clamped_index(w: Instructions, result: str, index: Any, last: int) -> Itera
 
 
 SPELLINGS: dict[str, Speller] = {
-    "add": _arithmetic("fadd"),
-    "subtract": _arithmetic("fsub"),
-    "multiply": _arithmetic("fmul"),
-    "divide": _arithmetic("fdiv"),
-    "negative": _arithmetic("fneg"),
+    "add": partial(_arithmetic, "fadd"),
+    "subtract": partial(_arithmetic, "fsub"),
+    "multiply": partial(_arithmetic, "fmul"),
+    "divide": partial(_arithmetic, "fdiv"),
+    "negative": partial(_arithmetic, "fneg"),
     "remainder": _remainder,
     "floor_divide": _floor_divide,
-    "absolute": _intrinsic("fabs"),
-    "sqrt": _intrinsic("sqrt"),
-    "floor": _intrinsic("floor"),
-    "minimum": _extremum("olt", opposite="ogt"),
-    "maximum": _extremum("ogt", opposite="olt"),
+    "absolute": partial(_intrinsic, "fabs"),
+    "sqrt": partial(_intrinsic, "sqrt"),
+    "floor": partial(_intrinsic, "floor"),
+    "minimum": partial(_extremum, "olt", "ogt"),
+    "maximum": partial(_extremum, "ogt", "olt"),
     "where": _where,
     "sign": _sign,
     "gather": _gather,
     "power_of_two": _power_of_two,
     "exponent": _exponent,
-    "less": _comparison("olt"),
-    "less_equal": _comparison("ole"),
-    "equal": _comparison("oeq"),
-    "not_equal": _comparison("une"),
-    "logical_and": _bitwise("and"),
-    "logical_or": _bitwise("or"),
+    "less": partial(_comparison, "olt"),
+    "less_equal": partial(_comparison, "ole"),
+    "equal": partial(_comparison, "oeq"),
+    "not_equal": partial(_comparison, "une"),
+    "logical_and": partial(_bitwise, "and"),
+    "logical_or": partial(_bitwise, "or"),
     "logical_not": _not,
     "isfinite": _isfinite,
 }
