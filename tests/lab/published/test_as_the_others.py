@@ -2,13 +2,15 @@
 
 import pytest
 
-from battery.soc import test_machine_code, test_registry
+from battery.soc import test_faults, test_machine_code, test_registry
 from embedded import test_battery, test_wild_samples
 from embedded.batteries import soc_library
 from fleet import test_lanes
 from needs import needs_gcc
 from ohmward.traction import RLMA
 from ohmward.traction.drive_checks import check_drive
+from ohmward_lab.published.rc import rc_of_thevenin
+from ohmward_lab.published.rc_filter import RcFilter
 from ohmward_lab.published.registry import PUBLISHED
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
@@ -26,6 +28,13 @@ def test_it_runs_streams_alike_and_stays_near_the_truth(name):
 @each
 def test_machine_code_is_python_on_a_log_with_every_fault(name):
     test_machine_code.test_machine_code_is_python_on_a_log_with_every_fault(name)
+
+
+@pytest.mark.parametrize("fault", test_faults.SINGLE)
+def test_one_bad_sample_is_flagged_and_changes_next_to_nothing(fault, monkeypatch):
+    filter_ = RcFilter(rc_of_thevenin(test_faults.NMC), test_faults.NOISE)
+    monkeypatch.setitem(test_faults.ESTIMATORS, "published.rc-kf", filter_)
+    test_faults.test_one_bad_sample_is_flagged_and_changes_next_to_nothing("published.rc-kf", fault)
 
 
 @each
