@@ -1,18 +1,13 @@
 """Single precision on NumPy: near the truth in double precision, and the bits of machine code."""
 
-import adaptive_ukf
 import numpy as np
 import pytest
 
+from filters import saft_seven_states
 from ohmward.trace import Kernel, single_precision, table, tanh, trace, where
 from ohmward.trace.lower.llvm_run import MachineStep
 
-RNG = np.random.default_rng(4)
-
-
-def log(steps):
-    current = RNG.normal(0.0, 3.0, steps)
-    return np.stack([current, 12.5 + 0.02 * current + 0.005 * RNG.standard_normal(steps)], axis=1).astype(np.float32)
+SAMPLES = np.stack(saft_seven_states.simulated_log(40), axis=1).astype(np.float32)
 
 
 def flat(tree):
@@ -20,8 +15,8 @@ def flat(tree):
 
 
 def test_a_filter_is_near_its_double():
-    start, samples = adaptive_ukf.initial(), log(40)
-    kernel = Kernel(adaptive_ukf.step, start, (0.0, 0.0), lowering="python")
+    start, samples = saft_seven_states.PACKED, SAMPLES
+    kernel = Kernel(saft_seven_states.packed_step, start, (0.0, 0.0), lowering="python")
     _, (mean, _) = kernel.scan(start, tuple(samples.T.astype(float)))
     _, outputs = single_precision.run(kernel.program, flat(start), samples)
     assert outputs.dtype == np.float32
@@ -30,8 +25,8 @@ def test_a_filter_is_near_its_double():
 
 def test_it_has_the_bits_of_machine_code():
     pytest.importorskip("llvmlite")
-    start, samples = adaptive_ukf.initial(), log(40)
-    program = trace(adaptive_ukf.step, start, (0.0, 0.0))
+    start, samples = saft_seven_states.PACKED, SAMPLES
+    program = trace(saft_seven_states.packed_step, start, (0.0, 0.0))
     state, outputs = flat(start), np.empty((8, 40))
     step = MachineStep(program, state.size, "f32", contract=False)
     step.one(state, [np.ascontiguousarray(c, float) for c in samples.T], list(outputs), None)

@@ -5,12 +5,12 @@ import re
 import subprocess
 from typing import Any, NamedTuple
 
-import adaptive_ukf
 import every_operation
 import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
+from filters import saft_seven_states
 from needs import needs_gcc
 from ohmward.errors import InputError
 from ohmward.trace import clip, exp, maximum, minimum, single_precision, table, trace, where
@@ -83,13 +83,12 @@ def test_every_operation_has_the_bits_of_machine_code(tmp_path):
 
 @needs_gcc
 def test_a_whole_filter_has_the_bits_of_machine_code(tmp_path):
-    start = adaptive_ukf.initial()
-    program = trace(adaptive_ukf.step, start, (0.0, 0.0))
+    start = saft_seven_states.PACKED
+    program = trace(saft_seven_states.packed_step, start, (0.0, 0.0))
     flat = np.concatenate([np.ravel(x) for x in start]).astype(float)
-    current = np.repeat(RNG.normal(0.0, 3.0, 30), 10).astype(np.float32).astype(float)
-    voltage = (12.5 + 0.02 * current + 0.005 * RNG.standard_normal(300)).astype(np.float32).astype(float)
-    in_c = run_c(program, compiled(c_source(program, "aukf"), "aukf", tmp_path), flat, [current, voltage])
-    np.testing.assert_array_equal(in_c, run_llvm(program, flat, [current, voltage]))
+    columns = [column.astype(np.float32).astype(float) for column in saft_seven_states.simulated_log(300)]
+    in_c = run_c(program, compiled(c_source(program, "aukf"), "aukf", tmp_path), flat, columns)
+    np.testing.assert_array_equal(in_c, run_llvm(program, flat, columns))
 
 
 def test_the_header_names_members_and_carries_comments():

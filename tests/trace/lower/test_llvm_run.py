@@ -1,11 +1,11 @@
 """Machine code against the same program on Python floats, bit by bit where nothing is contracted."""
 
-import adaptive_ukf
 import every_operation
 import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
+from filters import saft_seven_states
 from ohmward.trace import trace
 from ohmward.trace.elementary import F64, expand
 from ohmward.trace.lower import llvm_machine_code, llvm_run, python_source
@@ -100,11 +100,10 @@ def test_sample_by_sample_is_the_whole_log():
 
 
 def test_a_whole_adaptive_filter_in_both_precisions():
-    start = adaptive_ukf.initial()
-    program = trace(adaptive_ukf.step, start, (0.0, 0.0))
+    start = saft_seven_states.PACKED
+    program = trace(saft_seven_states.packed_step, start, (0.0, 0.0))
     flat = np.concatenate([np.ravel(x) for x in start]).astype(float)
-    current = np.repeat(RNG.normal(0.0, 3.0, 20), 10)
-    voltage = 12.5 + 0.02 * current + 0.005 * RNG.standard_normal(200)
+    current, voltage = saft_seven_states.simulated_log(200)
     size = len(flat)
     results = {}
     for precision in ("f64", "f32"):
