@@ -14,10 +14,7 @@ from ohmward.traction import RLMA, hard_terrain
 
 ESTIMATORS = ("ekf", "gsf", "textbook-joint", "coulomb", "ocv")
 EXPORTS: dict[str, Callable[[], Export]] = {
-    **{
-        name: partial(battery_export, BATTERY, name, "soc")
-        for name in ("ekf", "gsf", "textbook-joint", "coulomb", "ocv")
-    },
+    **{name: partial(battery_export, BATTERY, name, "soc") for name in ESTIMATORS},
     "observer": partial(observer_export, RLMA, hard_terrain("gravel"), "aekf"),
     "odometry": partial(odometry_export, RLMA),
     "slip controller": partial(controller_export, RLMA, "slip-controller"),

@@ -160,6 +160,13 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
 _LINE_SOC = (0.1, 0.9)
 
 
+def total_capacitance_F(model: Thevenin) -> float:
+    """C_b + C_s that belongs to the best straight line through the curve between 10 and 90 %."""
+    soc = np.linspace(*_LINE_SOC, 81)
+    slope_V = float(np.polyfit(soc, model.ocv.mean_V(soc, model.reference_degC), 1)[0])
+    return model.capacity_As / slope_V
+
+
 def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> Circuit:
     """Circuit by the rule of [P] 2.2: R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2, C_s = tau / (2 R_s).
 
@@ -189,13 +196,10 @@ def circuit_of(capacitance_F: float, r0: float, r1: float, tau_s: float) -> Circ
 def rc_of_thevenin(model: Thevenin) -> RcModel:
     """The RC model that is closest to a Thevenin circuit; `equivalent_thevenin` is its inverse for one pair.
 
-    C_b + C_s belongs to the best straight line through the curve between 10 and 90 %; the resistances and the time
-    constant are those of `one_pair`.
+    C_b + C_s is the `total_capacitance_F`; the resistances and the time constant are those of `one_pair`.
     """
-    soc = np.linspace(*_LINE_SOC, 81)
-    slope_V = float(np.polyfit(soc, model.ocv.mean_V(soc, model.reference_degC), 1)[0])
     alone = one_pair(model)
-    circuit = circuit_of(model.capacity_As / slope_V, alone.r0_discharge_ohm[0], alone.r_ohm[0][0], alone.tau_s[0])
+    circuit = circuit_of(total_capacitance_F(model), alone.r0_discharge_ohm[0], alone.r_ohm[0][0], alone.tau_s[0])
     return RcModel(*circuit, model.ocv, model.capacity_Ah, alone.activation_K)
 
 

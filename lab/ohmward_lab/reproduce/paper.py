@@ -32,7 +32,7 @@ from ohmward.figures.battery import (
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Figure, Series
 from ohmward_lab.published.hybrid import Hybrid
-from ohmward_lab.published.rc import RcModel, circuit_by_rule, four_numbers
+from ohmward_lab.published.rc import RcModel, circuit_by_rule, four_numbers, total_capacitance_F
 from ohmward_lab.published.rc_filter import RcFilter
 from ohmward_lab.published.rc_identification import (
     EdgeResponse,
@@ -66,8 +66,6 @@ END_SOC = {"lead-acid": 0.60, "lfp": 0.20}
 LOAD_OHM = {"lead-acid": 13.5, "lfp": 12.0}
 PULSES = {"lead-acid": 7, "lfp": 9}
 NAMES = {"lead-acid": "sealed lead-acid 12 V 5 Ah", "lfp": "LFP 12 V 6 Ah"}
-#: The straight line of a curve, whose slope gives the capacitance, is fitted between these states of charge.
-_LINE_SOC = (0.1, 0.9)
 #: Mean current of the robot [A]: [P]'s 83 mAh are 0.2 A over 25 minutes, in which the first battery gave 2 Ah; and a
 #: slow drive, on which a battery polarises little.
 ROBOT_A, SLOW_A = 4.8, 1.0
@@ -119,10 +117,8 @@ def case(chemistry: str, seed: int, mean_A: float) -> PaperCase:
     found = identify_in_detail(recording.bench, settings)
     model = found.battery.thevenin
     rc = identify_rc(recording.bench, model.ocv, capacity_Ah, 1.0)
-    soc = np.linspace(*_LINE_SOC, 81)
-    slope_V = float(np.polyfit(soc, model.ocv.mean_V(soc, model.ocv.reference_degC), 1)[0])
-    total_F = model.capacity_As / slope_V
-    rule = RcModel(*circuit_by_rule(rc.response.r_total_ohm, rc.tau.tau_s, total_F), model.ocv, capacity_Ah)
+    circuit = circuit_by_rule(rc.response.r_total_ohm, rc.tau.tau_s, total_capacitance_F(model))
+    rule = RcModel(*circuit, model.ocv, capacity_Ah)
     # a linear model suits lead-acid, which is nearly linear, best on the straight line of its own log
     line = identify_rc(recording.bench, None, capacity_Ah, 1.0) if chemistry == "lead-acid" else rc
     cold = found.battery.noise
