@@ -14,7 +14,6 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.figures.parts import MOST_SPANS, Timed, band_95, estimated, flag_spans, lognormal_band_95
-from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
 from ohmward.quantities import QUANTITIES, Quantity
@@ -112,10 +111,7 @@ def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> F
     error, std = 100 * (estimates.soc - truth), 100 * estimates.soc_std
     series = [Series(log.time_s, error, "estimate - reference", role="comparison")]
     band = band_95(log.time_s, np.zeros_like(std), std)
-    limit = _usual(np.concatenate([error, BAND_95 * std]))
-    return Figure(
-        "Error of the state of charge", TIME, "Error [% of capacity]", series, [band], y_limits=(-limit, limit)
-    )
+    return _errors_of_charge(series, [band])
 
 
 def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
@@ -159,8 +155,14 @@ def soc_comparison_figure(log: Timed, estimates: Mapping[str, SocEstimate], trut
 def soc_errors_figure(log: Timed, estimates: Mapping[str, SocEstimate], truth: np.ndarray) -> Figure:
     """Estimate minus reference of every estimator."""
     series = _side_by_side(log.time_s, {name: 100 * (e.soc - truth) for name, e in estimates.items()})
-    limit = _usual(np.concatenate([s.y for s in series]))
-    return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
+    return _errors_of_charge(series)
+
+
+def _errors_of_charge(series: Sequence[Series], bands: Sequence[Band] = ()) -> Figure:
+    """Lines and bands around zero, as far as all but the largest reach."""
+    limit = _usual(np.concatenate([*(line.y for line in series), *(band.high for band in bands)]))
+    title = "Error of the state of charge"
+    return Figure(title, TIME, "Error [% of capacity]", series, bands, y_limits=(-limit, limit))
 
 
 def comparison_figures(log: Timed, runs: Mapping[str, SocRun], truth: np.ndarray | None = None) -> list[Figure]:
@@ -329,22 +331,28 @@ def _usual(values: np.ndarray) -> float:
 
 def cells_soc_figure(run: PackRun) -> Figure:
     """State of charge of the cells, and of the pack; the 95 % band of the cell that is weakest at the end."""
-    weakest = int(run.pack.weakest[-1])
-    soc, std = 100 * run.cells.soc[:, weakest], 100 * run.cells.soc_std[:, weakest]
-    series = [Series(run.time_s, soc, f"weakest: {run.names[weakest]}", role="alert")]
-    others = [k for k in _drawn(run) if k != weakest]
-    series += [Series(run.time_s, 100 * run.cells.soc[:, k], run.names[k]) for k in others]
-    series.append(Series(run.time_s, 100 * run.pack.soc, "pack", "dashed", "reference"))
-    band = band_95(run.time_s, soc, std, (0.0, 100.0), role="alert")
+    time_s, cells, k = run.time_s, run.cells, int(run.pack.weakest[-1])
+    soc, std = 100 * cells.soc[:, k], 100 * cells.soc_std[:, k]
+    weakest = Series(time_s, soc, f"weakest: {run.names[k]}", role="alert")
+    others = _cell_lines(run, cells.soc, [other for other in _drawn(run) if other != k])
+    pack = Series(time_s, 100 * run.pack.soc, "pack", "dashed", "reference")
+    band = band_95(time_s, soc, std, (0.0, 100.0), role="alert")
+    series = [weakest, *others, pack]
     return Figure("State of charge of the cells", TIME, SOC_AXIS, series, [band], height_px=300)
 
 
 def cells_difference_figure(run: PackRun) -> Figure:
     """State of charge of each cell minus that of the typical one, with the range of all cells."""
-    difference = 100 * run.cells.soc_difference
-    series = [Series(run.time_s, difference[:, k], run.names[k]) for k in _drawn(run)]
-    band = Band(run.time_s, difference.min(axis=1), difference.max(axis=1), "all cells", "background")
+    difference = run.cells.soc_difference
+    series = _cell_lines(run, difference, _drawn(run))
+    low, high = 100 * difference.min(axis=1), 100 * difference.max(axis=1)
+    band = Band(run.time_s, low, high, "all cells", "background")
     return Figure("Cells beside the typical one", TIME, "Difference of SoC [points]", series, [band], height_px=200)
+
+
+def _cell_lines(run: PackRun, share: np.ndarray, cells: Sequence[int]) -> list[Series]:
+    """A share (T, cells) of the capacity of some cells, in percent."""
+    return [Series(run.time_s, 100 * share[:, k], run.names[k]) for k in cells]
 
 
 def _drawn(run: PackRun) -> list[int]:

@@ -87,7 +87,8 @@ def _trend(fit: AgeingFit, health: Health, unit: float) -> tuple[Series, Band]:
     days, cycles = (last * np.linspace(0.0, 1.0, _TREND_POINTS) for last in health.now)
     mean, std = fit.band(days, cycles)
     low, middle, high = (_PERCENT * np.exp(mean + z * std) for z in (-BAND_95, 0.0, BAND_95))
-    return Series(days / unit, middle, "trend", "line", "estimate"), Band(days / unit, low, high, "95 % band")
+    x = days / unit
+    return Series(x, middle, "trend", "line", "estimate"), Band(x, low, high, "95 % band")
 
 
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:

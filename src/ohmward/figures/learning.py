@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,12 +41,10 @@ def ocv_correction_figure(before: Battery, after: Battery) -> Figure:
 
 def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     """Resistance to ten seconds of current before and after, each with its 95 % band."""
-    series, bands = [], []
-    for battery, (name, style, role) in zip((before, after), _STATES, strict=True):
-        ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
-        series.append(Series(100 * _SOC, ohm, name, style, role))
-        log_std = np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(_SOC)))
-        bands.append(lognormal_band_95(100 * _SOC, ohm, log_std, f"95 % {name}", role))
+    curves = [1e3 * pulse_ohm_along(battery.thevenin, _SOC) for battery in (before, after)]
+    noises = before.noise, after.noise
+    log_stds = [np.hypot(n.resistance_std, np.asarray(n.overpotential_share_at(_SOC))) for n in noises]
+    series, bands = _before_and_after(curves, log_stds, lognormal_band_95)
     of_lines, of_band = max(line.y.max() for line in series), bands[1].high.max()
     highest = float(max(1.3 * of_lines, 1.1 * of_band))
     title = f"Resistance to {PULSE_S:g} s of current"
@@ -61,21 +59,24 @@ def progress_figure(title: str, label: str, knowledge: Sequence[Mapping[str, Any
     number = np.arange(len(knowledge), dtype=float)
     mean = scale * np.array([known["mean"] for known in knowledge])
     std = scale * np.array([known["std"] for known in knowledge])
-    series = [Series(number, mean, "known", role="estimate")]
-    return Figure(title, "Logs learnt", label, series, [band_95(number, mean, std, (0.0, np.inf))], height_px=200)
+    line = Series(number, mean, "known", role="estimate")
+    band = band_95(number, mean, std, (0.0, np.inf))
+    return Figure(title, "Logs learnt", label, [line], [band], height_px=200)
 
 
 #: States of a file, each with its line and its colour.
 _STATES: tuple[tuple[str, Style, Meaning], ...] = (("before", "dashed", "background"), ("after", "line", "estimate"))
 
 
-def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -> tuple[list[Series], list[Band]]:
+def _before_and_after(
+    means: Sequence[np.ndarray], stds: Sequence[np.ndarray], band_of: Callable[..., Band] = band_95
+) -> tuple[list[Series], list[Band]]:
     """Lines and 95 % bands of a quantity along SoC in both states."""
     x = 100 * _SOC
     series, bands = [], []
     for mean, std, (name, style, role) in zip(means, stds, _STATES, strict=True):
         series.append(Series(x, mean, name, style, role))
-        bands.append(band_95(x, mean, std, label=f"95 % {name}", role=role))
+        bands.append(band_of(x, mean, std, label=f"95 % {name}", role=role))
     return series, bands
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.energy.drive_record import DriveRecord, RecordedBalance, expected_J_per_m, usual_speed_m_s
 from ohmward.energy.points import P90_SIGMA
-from ohmward.figures.parts import ARRIVING
+from ohmward.figures.parts import arriving_figure
 from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Marker, Series
 from ohmward.report.figure import Meaning
@@ -32,22 +32,14 @@ def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]
     now = state.soc + P90_SIGMA * state.soc_std * np.array([-1.0, 0.0, 1.0])
     soc = 100 * np.vstack([now, *(np.array(one.soc) for one in m)]).clip(0.0, 1.0)
     energy = np.vstack([np.zeros(3), *(np.array(one.energy_J) / SECONDS_PER_HOUR for one in m)])
-    probability = 100 * np.array([1.0, *(one.probability for one in m)])
+    probability = np.array([1.0, *(one.probability for one in m)])
     turn = [Marker(forecast.point_of_return_m, "latest point of return", "alert")]
     reserve = Series(x, np.full(len(x), 100 * state.reserve_soc), "reserve", "dashed", "reference")
     label = "Distance [m]"
     return [
         Figure("State of charge", label, "State of charge [%]", [_line(x, soc), reserve], [_band(x, soc)], turn),
         Figure("Energy", label, "Energy [Wh]", [_line(x, energy)], [_band(x, energy)], turn, height_px=200),
-        Figure(
-            ARRIVING,
-            label,
-            "Probability [%]",
-            [Series(x, probability, "probability", role="estimate")],
-            markers=turn,
-            y_limits=(-2.0, 102.0),
-            height_px=200,
-        ),
+        arriving_figure(label, x, probability, turn, 200),
     ]
 
 
@@ -100,8 +92,10 @@ def _band(x: np.ndarray, quantiles: np.ndarray) -> Band:
 
 def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """A running mean over two seconds: single samples are mostly noise."""
-    width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
+    step_s = max(float(np.median(np.diff(time_s))), 1e-9)
+    width = max(round(_SMOOTH_S / step_s), 1)
     known = np.nan_to_num(np.asarray(values, dtype=float))
     half = width // 2
-    smooth = np.convolve(np.pad(known, half, mode="edge"), np.full(width, 1 / width), mode="same")
+    padded = np.pad(known, half, mode="edge")
+    smooth = np.convolve(padded, np.full(width, 1 / width), mode="same")
     return smooth[half : half + len(known)]

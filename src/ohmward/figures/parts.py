@@ -12,12 +12,9 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
-from ohmward.report import Band, Series, Span, WallClock
+from ohmward.report import Band, Figure, Marker, Series, Span, WallClock
 from ohmward.report.figure import Meaning
 from ohmward.runs import runs
-
-#: Title of the probability of arriving, along a plan and over time.
-ARRIVING = "Probability of arriving with the reserve left"
 
 #: More spans than this would be a grey wall; the longest are drawn.
 MOST_SPANS = 300
@@ -71,6 +68,20 @@ def estimated(
     if truth is not None:
         series.append(Series(x, truth, "reference", "dashed", "reference"))
     return series, [band_95(x, mean, std, limits)]
+
+
+def arriving_figure(
+    x_label: str,
+    x: np.ndarray,
+    probability: np.ndarray,
+    markers: Sequence[Marker] = (),
+    height_px: int = Figure.height_px,
+) -> Figure:
+    """Probability in [0, 1] of arriving, along a plan or over time."""
+    line = Series(x, 100 * probability, "probability", role="estimate")
+    limits = -2.0, 102.0
+    title = "Probability of arriving with the reserve left"
+    return Figure(title, x_label, "Probability [%]", [line], markers=markers, y_limits=limits, height_px=height_px)
 
 
 def spans_where(time_s: np.ndarray, condition: np.ndarray, label: str, role: Meaning) -> list[Span]:

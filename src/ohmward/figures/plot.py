@@ -18,7 +18,7 @@ from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
 from ohmward.figures.health import trend_figures
-from ohmward.figures.parts import ARRIVING
+from ohmward.figures.parts import arriving_figure
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
@@ -113,9 +113,9 @@ def _named(runs: Sequence[Any]) -> dict[str, Any]:
 def range_figures(run: RangeRun) -> list[Figure]:
     """Range left with its band from P10 to P90, and the probability of getting home where it was estimated."""
     p10, p50, p90 = (1e-3 * np.asarray(values) for values in run.distance_m)
-    line, band = [Series(run.time_s, p50, "P50", role="estimate")], [Band(run.time_s, p10, p90, "P10 to P90")]
-    figures = [Figure("Range left", TIME, "Range [km]", line, band, height_px=300)]
+    line = Series(run.time_s, p50, "P50", role="estimate")
+    band = Band(run.time_s, p10, p90, "P10 to P90")
+    figures = [Figure("Range left", TIME, "Range [km]", [line], [band], height_px=300)]
     if np.isfinite(run.home_probability).any():
-        line = [Series(run.time_s, 100 * run.home_probability, "probability", role="estimate")]
-        figures.append(Figure(ARRIVING, TIME, "Probability [%]", line, y_limits=(-2.0, 102.0)))
+        figures.append(arriving_figure(TIME, run.time_s, run.home_probability))
     return figures

@@ -46,12 +46,10 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
     ]
     if (e.friction_std > 0).any():
         share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]  # both relative
-        series, band = (
-            [Series(run.time_s, share, "estimate", role="estimate")],
-            lognormal_band_95(run.time_s, share, std),
-        )
+        line = Series(run.time_s, share, "estimate", role="estimate")
+        band = lognormal_band_95(run.time_s, share, std)
         title = "Friction over the assumed"
-        figures.append(Figure(title, TIME, "Share [%]", series, [band], log_y=True, height_px=200))
+        figures.append(Figure(title, TIME, "Share [%]", [line], [band], log_y=True, height_px=200))
     if (e.grade_std_rad > 0).any():
         curves = estimated(run.time_s, np.degrees(run.grade_rad), np.degrees(run.grade_std_rad))
         figures.append(Figure("Grade", TIME, "Grade [degrees]", *curves, height_px=180))
@@ -119,8 +117,8 @@ ELLIPSES, OUTLINE_POINTS = 8, 120
 def path_map(run: OdometryRun) -> Map:
     """The path from above, with ellipses of 95 % at even times."""
     e = run.estimates
-    rows = np.unique(np.linspace(0, len(run.time_s) - 1, ELLIPSES + 1).astype(int))[1:]
-    outlines = [ellipse(e.pose_cov[k], e.x_m[k], e.y_m[k]) for k in rows]
+    even = np.linspace(0, len(run.time_s) - 1, ELLIPSES + 1).astype(int)
+    outlines = [ellipse(e.pose_cov[k], e.x_m[k], e.y_m[k]) for k in np.unique(even)[1:]]
     lines = [Line(x, y, "95 % of the position", "background") for x, y in outlines]
     path = Line(np.asarray(e.x_m), np.asarray(e.y_m), "path", "estimate")
     return Map("Path", "Forward of the start [m]", "To its left [m]", [*lines, path])
@@ -132,7 +130,8 @@ def ellipse(cov: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
     values, vectors = np.linalg.eigh(cov[:2, :2])
     axes = vectors * np.sqrt(np.maximum(values, 0.0)) * ELLIPSE_95
     circle = np.array([np.cos(angle), np.sin(angle)])
-    return np.array([[x_m], [y_m]]) + axes @ circle
+    centre = np.array([[x_m], [y_m]])
+    return centre + axes @ circle
 
 
 def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str] = ()) -> list[Figure]:
