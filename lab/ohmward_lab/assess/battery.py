@@ -134,17 +134,6 @@ _MISSION_AH = BATTERIES["lfp"].circuit.capacity_Ah
 _RANGE_C, _RANGE_V = 4.0, 1.5
 
 
-class Shifts(NamedTuple):
-    """The truth of many shifts."""
-
-    time_s: np.ndarray  #: (T,)
-    #: (T, B)
-    current_A: np.ndarray
-    voltage_V: np.ndarray
-    temperature_degC: np.ndarray
-    soc: np.ndarray
-
-
 @cache
 def identified(chemistry: str) -> Battery:
     """The battery file, from a pulse test in the workshop with a good sensor."""
@@ -163,10 +152,10 @@ def _bench_sensors(battery: SimulatedBattery) -> BatterySensors:
 
 
 @lru_cache(maxsize=2)
-def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> Shifts:
-    """Shifts of a battery in this state, one for each run."""
+def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> plant.BatteryTruth:
+    """Shifts (T, B) of a battery in this state, one for each run."""
     battery = in_state(BATTERIES[chemistry], truth)
-    time_s = np.arange(0.0, SHIFT_S, truth.step_s)
+    time_s = _times_s(truth)
     rngs = [generator("shift", chemistry, seed, run) for run in range(runs)]
     demand_A = np.stack([_load_A(rng, BATTERIES[chemistry], time_s) for rng in rngs], axis=1)
     starts = [rng.uniform(*_START_SOC) for rng in rngs]
@@ -175,7 +164,11 @@ def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> Shifts:
     demand = plant.Demand(interval_s, demand_A, truth.temperature_degC)
     kernel = Kernel(plant.step, states[0], plant.Demand(0.0, 0.0, 0.0), constants=(battery,))
     _, found = kernel.scan_lanes(side_by_side(states), demand)
-    return Shifts(time_s, found.current_A, found.voltage_V, found.temperature_degC, found.soc)
+    return found
+
+
+def _times_s(truth: TrueBattery) -> np.ndarray:
+    return np.arange(0.0, SHIFT_S, truth.step_s)
 
 
 def in_state(battery: SimulatedBattery, truth: TrueBattery) -> SimulatedBattery:
@@ -202,7 +195,8 @@ def measured(chemistry: str, condition: Condition, runs: int, seed: int) -> tupl
     rng = generator("sensors", chemistry, condition.name, seed)
     every = round(condition.interval_s / condition.truth.step_s)
     capacity_A, cells = battery.circuit.capacity_Ah, battery.n_series
-    time_s, current_A, voltage_V, temperature_degC, soc = (values[::every] for values in truth)
+    time_s = _times_s(condition.truth)[::every]
+    current_A, voltage_V, soc, temperature_degC = (values[::every] for values in truth[:4])
     sign = signs(runs)
     late = round(condition.delay_s / condition.interval_s)
     voltage_V = voltage_V[np.maximum(np.arange(len(voltage_V)) - late, 0)]
