@@ -82,23 +82,18 @@ def test_redrawing_equals_filterpy(scaling, h, R):
     assert largest_difference(innovation, (peer.y, peer.S)) < 1e-10
 
 
+def redrawing_step(belief, f, h, y, Q, R, scaling):
+    return unscented.update(unscented.predict(belief, f, Q, scaling), y, h, R, scaling)
+
+
 @pytest.mark.parametrize("scaling", [Scaling(), Scaling(0.6, 2.0, 1.0)])
 @pytest.mark.parametrize(("h", "R"), SENSORS)
-def test_reusing_points_equals_the_textbook(h, R, scaling):
+@pytest.mark.parametrize(("step", "redraw"), [(unscented.step_reusing_points, False), (redrawing_step, True)])
+def test_both_variants_equal_the_textbook(step, redraw, h, R, scaling):
     belief = textbook = PENDULUM
     for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
-        belief, innovation = unscented.step_reusing_points(belief, pendulum, h, y, PENDULUM_Q, R, scaling)
-        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, scaling)
-    assert largest_difference(belief, textbook) < 1e-12
-    assert largest_difference(innovation, textbook_innovation) < 1e-12
-
-
-@pytest.mark.parametrize(("h", "R"), SENSORS)
-def test_redrawing_equals_the_textbook(h, R):
-    belief = textbook = PENDULUM
-    for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
-        belief, innovation = unscented.update(unscented.predict(belief, pendulum, PENDULUM_Q), y, h, R)
-        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, redraw=True)
+        belief, innovation = step(belief, pendulum, h, y, PENDULUM_Q, R, scaling)
+        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, scaling, redraw)
     assert largest_difference(belief, textbook) < 1e-12
     assert largest_difference(innovation, textbook_innovation) < 1e-12
 

@@ -91,20 +91,13 @@ def full_supply():
     return Supply(Pack("lfp", start_soc=0.9)).now
 
 
-def test_the_voltage_limits_the_current_of_a_fast_wheel():
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forward", "back"])
+def test_the_voltage_limits_the_current_of_a_fast_wheel(sign):
     motor, now = RLMA.motor, full_supply()
-    omega = np.full(2, 0.9 * now.voltage_V / motor.wheel_constant_Nm_per_A)
-    torque = available_torque(np.array([50.0, -1.0]), omega, RLMA, now)
+    omega = np.full(2, sign * 0.9 * now.voltage_V / motor.wheel_constant_Nm_per_A)
+    torque = sign * available_torque(sign * np.array([50.0, -1.0]), omega, RLMA, now)
     assert torque[0] == pytest.approx(motor.wheel_constant_Nm_per_A * 0.1 * now.voltage_V / motor.resistance_ohm)
     assert torque[1] == -1.0
-
-
-def test_the_voltage_limits_the_current_of_a_wheel_that_turns_back():
-    motor, now = RLMA.motor, full_supply()
-    omega = np.full(2, -0.9 * now.voltage_V / motor.wheel_constant_Nm_per_A)
-    torque = available_torque(np.array([-50.0, 1.0]), omega, RLMA, now)
-    assert torque[0] == pytest.approx(-motor.wheel_constant_Nm_per_A * 0.1 * now.voltage_V / motor.resistance_ohm)
-    assert torque[1] == 1.0
 
 
 def test_the_power_limits_all_motors_in_proportion():
