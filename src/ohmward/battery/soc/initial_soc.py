@@ -79,11 +79,12 @@ class VoltageStart:
     def on_coarse_grid(self, first: SocSample) -> tuple[Hypothesis, ...]:
         """The density given the first voltage alone, in `count` parts of equal width; traceable.
 
-        As `hypotheses` without a value, with the centres of `COARSE_CELLS` cells in place of the grid.
+        As `hypotheses` without a value, with the centres of `COARSE_CELLS` cells in place of the grid; the voltages of
+        the outermost ones are those of empty and full, where curves are steep.
         """
         grid = (np.arange(COARSE_CELLS) + 0.5) / COARSE_CELLS
-        (lowest_V, *_), (highest_V, *_) = (self.expected_voltage(end, first) for end in (0.0, 1.0))
-        expected = [self.expected_voltage(soc, first) for soc in grid.tolist()]
+        expected = [self.expected_voltage(soc, first) for soc in (0.0, *grid[1:-1].tolist(), 1.0)]
+        lowest_V, highest_V = expected[0].mean_V, expected[-1].mean_V
         above_empty = first.voltage_V > (1 - BEYOND) * lowest_V
         credible = above_empty & (first.voltage_V < (1 + BEYOND) * highest_V)
         nearest_V = clip(first.voltage_V, lowest_V, highest_V)
@@ -122,28 +123,46 @@ class VoltageStart:
     def expected_voltage(self, soc: Any, first: SocSample) -> ExpectedVoltage:
         """First voltage OCV + R_0 i expected at `soc`, and its errors; float, array or traced."""
         u, p = first_input(first, self.current_limit_A), self.model
-        mean_V = p.ocv.mean_V(soc, u.temperature_degC) + ohmic_drop(soc, u, p)
-        std_V = first_voltage_std(soc, u, p, self.noise, self.sensor)
-        return ExpectedVoltage(mean_V, std_V, lasting_std_V(soc, u, p, self.noise))
+        mean_V, full_V = (p.ocv.mean_V(at, u.temperature_degC) + ohmic_drop(at, u, p) for at in (soc, 1.0))
+        below_full_V = where(first.voltage_V > 0.0, maximum(full_V - first.voltage_V, 0.0), full_V)
+        std_V = first_voltage_std(soc, u, p, self.noise, self.sensor, below_full_V)
+        return ExpectedVoltage(
+            mean_V,
+            std_V,
+            lasting_std_V(soc, u, p, self.noise, below_full_V),
+            lasting_std_V(soc, u, p, self.noise),
+        )
 
 
-def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
-    """Standard deviation [V] of the voltage error at rest that stays: curve, level, axis, temperature, gain."""
-    axis_V = axis_error_V(soc, u, p, noise)
+def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, below_full_V: Any = math.inf) -> Any:
+    """Standard deviation [V] of the voltage error at rest that stays: curve, level, axis, temperature, gain.
+
+    below_full_V: as for `axis_error_V`.
+    """
+    axis_V = axis_error_V(soc, u, p, noise, below_full_V)
     curve_V, level_V = noise.curve_stds(soc, u.error_degC - p.ocv.reference_degC)
     gain_V = noise.gain_error_V(soc, u, p)
     return sqrt(curve_V**2 + axis_V**2 + level_V**2 + gain_V**2)
 
 
-def axis_error_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
-    """Standard deviation [V] of the open-circuit voltage by the error of the curve's SoC axis."""
+def axis_error_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, below_full_V: Any = math.inf) -> Any:
+    """Standard deviation [V] of the open-circuit voltage by the error of the curve's SoC axis.
+
+    below_full_V: voltage [V] of the battery below that of the full end of the curve. Its charger stops above the one,
+    and such cells are not charged beyond the other, so that the axis errs by no more.
+    """
     above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
     slope_V = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
-    return noise.axis_std_at(soc) * slope_V
+    return minimum(noise.axis_std_at(soc) * slope_V, below_full_V)
 
 
-def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor) -> Any:
-    """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past."""
+def first_voltage_std(
+    soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor, below_full_V: Any = math.inf
+) -> Any:
+    """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past.
+
+    below_full_V: as for `axis_error_V`.
+    """
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     resistance_std = sqrt(noise.resistance_variance_at(u, p))
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
@@ -153,7 +172,7 @@ def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNois
     hysteresis = hysteresis_state_std * p.hysteresis_V_at(soc, u.temperature_degC)
     terms = (
         noise.voltage_std_V,
-        lasting_std_V(soc, u, p, noise),
+        lasting_std_V(soc, u, p, noise, below_full_V),
         hysteresis,
         drop,
         PAST_SHARE * exp(resistance_std**2) * past,

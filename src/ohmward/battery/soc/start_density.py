@@ -32,13 +32,14 @@ class ExpectedVoltage(NamedTuple):
     mean_V: np.ndarray  #: expected voltage
     std_V: np.ndarray  #: standard deviation of the measured voltage about it
     model_error_std_V: np.ndarray  #: standard deviation of the part that stays with SoC
+    unit_V: np.ndarray  #: standard deviation of that part in the filter, which takes it in this unit
 
 
 class FirstVoltage(NamedTuple):
     """The first voltage on the grid of SoC, (G,) each."""
 
     likelihood: np.ndarray  #: up to a factor
-    model_error_std_V: np.ndarray  #: standard deviation of the model's error that stays with SoC
+    unit_V: np.ndarray  #: standard deviation of the model's error that stays with SoC, in the filter
     #: mean and standard deviation of that error, given the voltage and SoC
     error_V: np.ndarray
     error_std_V: np.ndarray
@@ -103,8 +104,8 @@ def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage
     The curve rises: where it is too low for the voltage at one SoC, it is too low at every lower SoC, however uncertain
     the curve is there, as at the knee near empty; and vice versa.
     """
-    mean_V, std_V, model_std_V = expected
-    unknown = FirstVoltage(np.ones_like(grid), model_std_V, np.zeros_like(grid), model_std_V)
+    mean_V, std_V, model_std_V, unit_V = expected
+    unknown = FirstVoltage(np.ones_like(grid), unit_V, np.zeros_like(grid), unit_V)
     lowest_V, highest_V = np.interp((0.0, 1.0), grid, mean_V)
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
         return unknown
@@ -116,7 +117,7 @@ def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage
         too_high = np.maximum.accumulate(np.maximum(-errors, 0.0))
         scaled = 0.5 * (too_low**2 + too_high**2) + np.log(std_V)
         likelihood = np.exp(-(scaled - scaled.min()))
-    return FirstVoltage(likelihood, model_std_V, share * excess_V, model_std_V * np.sqrt(1 - share))
+    return FirstVoltage(likelihood, unit_V, share * excess_V, model_std_V * np.sqrt(1 - share))
 
 
 def _moments(grid: np.ndarray, prior: np.ndarray, first: FirstVoltage, joint: bool) -> Hypothesis:
@@ -127,7 +128,7 @@ def _moments(grid: np.ndarray, prior: np.ndarray, first: FirstVoltage, joint: bo
     mean = float(density @ grid)
     std = float(np.sqrt(density @ (grid - mean) ** 2))
     start = InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD))
-    unit_V = float(np.interp(mean, grid, first.model_error_std_V))
+    unit_V = float(np.interp(mean, grid, first.unit_V))
     if not joint or unit_V == 0.0:
         return Hypothesis(mass, start)
     error, error_std = first.error_V / unit_V, first.error_std_V / unit_V
