@@ -1,5 +1,6 @@
 """A log says the same of its battery to `identify`, which is given the capacity, and to `learn`, which has a label."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.identification import identify
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.fold import known, ocv_std_V, pulse_ohm
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
 
 PULSES, DAY = pulse_log(MODEL, std_V=0.003), day(MODEL, 1)
@@ -59,6 +61,16 @@ def test_a_test_is_learnt_from_as_a_label_is(batteries):
     assert after.resistance_ohm.std < 0.5 * before.resistance_ohm.std
     assert after.capacity_Ah.std < of_label.capacity_Ah.std
     assert after.logs == of_label.logs == 1
+
+
+def test_file_learn_and_filter_give_one_error_of_the_capacity(batteries):
+    """By the sensor that counts it, whose gain no log shows: after days in which the capacity walks, too."""
+    walked = learn(batteries["test"], [day(MODEL, seed) for seed in (1, 2, 3)]).battery
+    for battery in (*batteries.values(), walked):
+        gain_std, rest = battery.sensor.gain_std, SocEstimator(battery).update(0.0, 0.0, 11.2, 25.0)
+        in_file = math.hypot(battery.noise.capacity_std, gain_std, gain_std)
+        assert known(battery).capacity_Ah.relative_std == pytest.approx(in_file, rel=1e-6)
+        assert rest.soh_capacity_std == pytest.approx(in_file, rel=1e-3)
 
 
 def test_the_order_of_tests_does_not_matter(batteries):

@@ -11,6 +11,7 @@ The last term is the fall of the open-circuit voltage by the charge drawn, which
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -202,15 +203,16 @@ def folded_curve(curve: OpenCircuit, covariance: np.ndarray) -> OcvCurve:
 
 
 def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> BatteryNoise:
-    """Noise of the battery with these errors left in its parameters, none below its floor or above the old value."""
-    noise, gain_std = battery.noise, battery.sensor.gain_std
+    """Noise of the battery with these errors left in its parameters, none narrowed below its floor.
+
+    Those of capacity and resistances grow with age between two logs; no other is above the old value.
+    """
+    noise = battery.noise
     std = np.sqrt(np.diag(covariance))
     curve_V, length = _curve_error(battery, p, covariance)
     axis_std = min(noise.soc_axis_std, max(SOC_AXIS_STD, _axis_std(battery, curve_V)))
     floor_V = model_floor_V(battery)
     model_V = np.hypot(beyond_axis_V(curve_V, battery.thevenin.ocv, axis_std), floor_V)
-    capacity_variance = float(np.square(std[p.group("capacity")]).sum()) - gain_std**2
-    capacity_std = float(np.sqrt(max(capacity_variance, 0.0)))
     activation_K = _rms(std[p.group("activation")])
     empty_K = float(std[p.group("empty_activation")].sum())
     entropy = _rms(std[p.group("entropy")])
@@ -220,8 +222,8 @@ def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> Batte
         model_soc_length=length,
         soc_axis_std=axis_std,
         overpotential_share=_share(noise, p, std),
-        capacity_std=remaining_std(capacity_std, _CAPACITY_STD, noise.capacity_std),
-        resistance_std=remaining_std(resistance_std(battery, covariance), _RESISTANCE_STD, noise.resistance_std),
+        capacity_std=capacity_std(battery, covariance),
+        resistance_std=resistance_std(battery, covariance),
         ageing_correlation=0.0,  # the errors that a log leaves in either are independent
         activation_std_K=remaining_std(activation_K, ACTIVATION_STD_K, noise.activation_std_K),
         empty_activation_std_K=remaining_std(empty_K, 0.0, noise.empty_activation_std_K),
@@ -243,6 +245,13 @@ def known_since(battery: Battery, unix_s: float | None) -> Battery:
     return replace(battery, noise=dated)
 
 
+def capacity_std(battery: Battery, covariance: np.ndarray) -> float:
+    """Relative error of the capacity, without the gain of the sensor by which the corrections count it."""
+    q = parameters_of(battery).group("capacity")
+    variance = float(covariance[q, q].sum()) - battery.sensor.gain_std**2
+    return max(float(np.sqrt(max(variance, 0.0))), min(_CAPACITY_STD, battery.noise.capacity_std))
+
+
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
     p, model = parameters_of(battery), battery.thevenin
@@ -252,7 +261,8 @@ def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     weights = np.zeros(p.size)
     weights[p.places("ohmic", "pair")] = np.concatenate(rows)
     total = weights.sum()
-    return float(np.sqrt(weights @ covariance @ weights) / total) if total > 0 else 0.0
+    found = float(np.sqrt(weights @ covariance @ weights) / total) if total > 0 else 0.0
+    return max(found, min(_RESISTANCE_STD, battery.noise.resistance_std))
 
 
 def _curve_error(battery: Battery, p: Unknowns, covariance: np.ndarray) -> tuple[np.ndarray, float]:
@@ -321,12 +331,12 @@ class KnownBattery(NamedTuple):
 def known(battery: Battery) -> KnownBattery:
     """Quantities of a battery file with their standard deviations."""
     p, covariance = parameters_of(battery), prior_covariance(battery)
-    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
-    capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
+    # counted by this sensor, and once more by one without its gain: as the filters have it
+    counted_std = math.hypot(capacity_std(battery, covariance), battery.sensor.gain_std, battery.sensor.gain_std)
     ohm, offset = pulse_ohm(battery.thevenin), p.group("offset")
     return KnownBattery(
-        Normal(battery.capacity_Ah, battery.capacity_Ah * float(capacity_std)),
-        Normal(ohm, ohm * max(resistance_std(battery, covariance), _RESISTANCE_STD)),
+        Normal(battery.capacity_Ah, battery.capacity_Ah * counted_std),
+        Normal(ohm, ohm * resistance_std(battery, covariance)),
         Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
         ocv_std_V(battery, _NOISE_GRID),
         len(battery.learnt_logs),
