@@ -38,10 +38,10 @@ def test_the_resistance_to_a_small_current_is_found_from_large_ones(problem):
 
 def test_a_bent_drop_is_taken_where_the_log_shows_it(problem):
     straight = fit_circuit(problem, 2)
-    fit, note = try_transfer(problem, straight, 1)
+    fit, note = try_transfer(straight, 1)
     assert fit.solution.rows.misfit < 0.1 * straight.solution.rows.misfit
     assert note.text.endswith("and is taken")
-    model = circuit_of(fit.solution, problem, 1.0)
+    model = circuit_of(fit.solution, 1.0)
     assert model.transfer_V == TRANSFER_V
     assert model.r0_discharge_ohm[10] == pytest.approx(0.25, rel=0.05)
 
@@ -51,6 +51,6 @@ def test_a_straight_drop_stays_straight():
     ohmic = replace(BENT, r0_discharge_ohm=(0.05,) * 21, r0_charge_ohm=(0.05,) * 21, transfer_V=None)
     problem = problem_of(pulse_log(ohmic, count=5, rest_s=1800.0, std_V=0.001))
     straight = fit_circuit(problem, 2)
-    fit, note = try_transfer(problem, straight, 1)
+    fit, note = try_transfer(straight, 1)
     assert fit is straight
     assert "ohmic drop: straight" in note.text

@@ -108,7 +108,7 @@ def test_a_wrong_first_ocv_curve_is_corrected():
     wrong = type(NMC_OCV)(tuple(np.asarray(NMC_OCV.voltage_V) + error_V))
     problem = problem_of(pulse_log(cell(), count=10, rest_s=3600.0), ocv=wrong)
     fit = fit_circuit(problem, 2)
-    corrected = circuit_of(fit.solution, problem, 1.0).ocv
+    corrected = circuit_of(fit.solution, 1.0).ocv
     soc = np.linspace(0.1, 0.95, 50)
     left_V = np.asarray(corrected.mean_V(soc, 25.0)) - np.asarray(NMC_OCV.mean_V(soc, 25.0))
     assert np.sqrt(np.mean(left_V**2)) < 0.0015 < 0.004 < np.sqrt(np.mean(error_V**2))
@@ -204,7 +204,7 @@ def test_intervals_grow_away_from_the_data():
     intervals = {c.name: c for c in confidence_intervals(fit)}
     near, far = intervals["r0_discharge_ohm at soc 0.9"], intervals["r0_discharge_ohm at soc 0.1"]
     assert far.high - far.low > 3 * (near.high - near.low)
-    said = not_identified(fit, problem.samples, 2.0, False)
+    said = not_identified(fit)
     assert any("resistances at SoC 0 to 0.6" in sentence and "no current flowed there" in sentence for sentence in said)
     assert any("r0_charge_ohm: the logs hold no charge" in sentence for sentence in said)
 
@@ -219,7 +219,7 @@ def test_a_block_of_soc_is_predicted_by_a_fit_to_all_others():
     x = np.linalg.solve(s.prior.precision + A.T @ A, s.prior.information + A.T @ y)
     error = (measured - columns @ x)[block_rows]
     expected_V = np.linalg.norm(error) / np.linalg.norm(s.rows.scale[block_rows])
-    assert held_out_V(s, problem)[2] == pytest.approx(expected_V, rel=1e-3)
+    assert held_out_V(s)[2] == pytest.approx(expected_V, rel=1e-3)
 
 
 @pytest.mark.parametrize("down_to, off_V, low, high", [(0.0, 0.0, 0.4, 0.5), (0.8, 0.0, 0.75, 0.9), (0.0, 0.05, 1, 1)])
@@ -228,7 +228,7 @@ def test_a_pulse_test_that_predicts_itself_in_many_places_narrows_the_floor(down
     soc = 1.0 + log.charge_Ah() / 2.0
     bent = replace(log, voltage_V=log.voltage_V + off_V * np.sin(20.0 * np.pi * soc)).select(soc > down_to)
     problem = problem_of(bent)
-    floor_V = pulses_floor_V(solve(problem, Rates(cell().tau_s, 20.0)), problem)
+    floor_V = pulses_floor_V(solve(problem, Rates(cell().tau_s, 20.0)))
     assert low <= floor_V / (problem.volts * PRIOR.pulses_V) <= high
 
 
@@ -256,9 +256,9 @@ def test_a_curve_that_runs_backwards_is_warned_of(exact):
     """As logs with a wrong capacity give: a rise between two knots that is taken back between the next."""
     problem, p = exact
     solution = solve(problem, Rates(p.tau_s, p.hysteresis_rate))
-    assert curve_notes(solution, problem) == ()
+    assert curve_notes(solution) == ()
     stairs_V = np.where((OCV_KNOTS > 0.2) & (OCV_KNOTS < 0.8), 0.05 * (np.arange(OCV_KNOTS.size) % 2), 0.0)
     x = solution.x.copy()
     x[solution.unknowns.group("ocv")] += stairs_V
-    (note,) = curve_notes(replace(solution, x=x), problem)
+    (note,) = curve_notes(replace(solution, x=x))
     assert str(note).startswith("warning: ") and "Is 2 Ah what the tests at low rate move" in str(note)

@@ -62,10 +62,10 @@ def test_a_sweep_inside_one_record_shows_three_activations():
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=150.0)
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     assert fit.solution.rates.tau_activation_K == pytest.approx(TRUE.tau_activation_K, abs=500.0)
-    assert 600.0 <= activation_std_K(fit, problem) < problem.prior.activation_std_K
+    assert 600.0 <= activation_std_K(fit) < problem.prior.activation_std_K
     named = {c.name: c for c in confidence_intervals(fit)}
     assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
-    assert not any("temperature" in sentence for sentence in untested_sentences(fit, problem, "nmc"))
+    assert not any("temperature" in sentence for sentence in untested_sentences(fit, "nmc"))
 
 
 def test_one_temperature_leaves_the_prior_and_says_so():
@@ -75,8 +75,8 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     assert fit.solution.rates == problem.usual_rates(fit.solution.rates.tau_s)._replace(
         hysteresis_rate=fit.solution.rates.hysteresis_rate
     )
-    assert activation_std_K(fit, problem) == problem.prior.activation_std_K
-    hysteresis, activation, curve = untested_sentences(fit, problem, "nmc")
+    assert activation_std_K(fit) == problem.prior.activation_std_K
+    hysteresis, activation, curve = untested_sentences(fit, "nmc")
     assert "low-rate discharge and a low-rate charge" in hysteresis
     assert usual_hysteresis_V(problem) > 0.0
     assert activation == (
@@ -85,15 +85,15 @@ def test_one_temperature_leaves_the_prior_and_says_so():
         "pairs of an empty battery have a further ± 15680 K (95 %)"
     )
     assert "needs tests at two temperatures" in curve
-    assert all("name the chemistry" in sentence for sentence in untested_sentences(fit, problem, ""))
+    assert all("name the chemistry" in sentence for sentence in untested_sentences(fit, ""))
 
 
 def test_a_measured_temperature_slope_narrows_the_curve():
     problem = swept(24.0, 26.0)
     measured = replace(problem, ocv=replace(problem.ocv, temperature_V_per_K=(1e-4,) * len(problem.ocv.voltage_V)))
-    fit = fit_circuit(problem, 1)
-    assert ocv_std_V_per_K(fit, measured) < ocv_std_V_per_K(fit, problem)
-    assert not any("open-circuit" in sentence for sentence in untested_sentences(fit, measured, "nmc"))
+    fit = fit_circuit(measured, 1)
+    assert ocv_std_V_per_K(fit) < ocv_std_V_per_K(fit_circuit(problem, 1))
+    assert not any("open-circuit" in sentence for sentence in untested_sentences(fit, "nmc"))
 
 
 def test_rests_at_two_temperatures_show_how_the_curve_moves():
@@ -106,11 +106,11 @@ def test_rests_at_two_temperatures_show_how_the_curve_moves():
     problem = replace(problem, samples=samples)
     fit = fit_circuit(problem, 2)
     soc = np.linspace(0.3, 0.9, 13)
-    found = np.interp(soc, np.linspace(0, 1, 201), circuit_of(fit.solution, problem, 1.0).ocv.temperature_V_per_K)
+    found = np.interp(soc, np.linspace(0, 1, 201), circuit_of(fit.solution, 1.0).ocv.temperature_V_per_K)
     assert found == pytest.approx(slope, rel=0.1)
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     usual = problem.volts * problem.prior.ocv_std_V_per_K
-    assert 0.5 * usual <= ocv_std_V_per_K(fit, problem) < usual
+    assert 0.5 * usual <= ocv_std_V_per_K(fit) < usual
 
 
 def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
@@ -151,11 +151,11 @@ def test_an_unknown_chemistry_is_the_widest():
 def test_a_hysteresis_that_was_seen_is_known_within_half_of_itself():
     problem = swept(24.0, 26.0)
     seen = replace(problem, ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
-    fit = fit_circuit(problem, 1)
-    assert hysteresis_std(fit, seen) == 0.5
+    fit = fit_circuit(seen, 1)
+    assert hysteresis_std(fit) == 0.5
     assert usual_hysteresis_V(seen) == 0.0
     assert with_usual_hysteresis(TRUE, seen) is TRUE
-    sentences = untested_sentences(fit, seen, "nmc")
+    sentences = untested_sentences(fit, "nmc")
     assert not any("hysteresis" in sentence for sentence in sentences)
 
 
@@ -169,7 +169,7 @@ def test_a_hysteresis_that_was_not_tested_stays_open():
     assert opened.ocv.hysteresis_at(soc) == pytest.approx(half_V)
     assert discharge_V == pytest.approx(TRUE.ocv.mean_V(soc, 25.0), abs=0.2 * half_V)
     assert opened.tested_branch == pytest.approx(-1.0, abs=0.2)
-    assert hysteresis_std(fit_circuit(problem, 1), problem) == 0.5
+    assert hysteresis_std(fit_circuit(problem, 1)) == 0.5
 
 
 def test_the_error_of_the_overpotential_is_what_the_fit_leaves_under_current():
@@ -177,7 +177,7 @@ def test_the_error_of_the_overpotential_is_what_the_fit_leaves_under_current():
     (s,) = problem.samples
     over_V = s.voltage_V - true.ocv.mean_V(s.soc, s.temperature_degC)
     left_V = np.hypot(0.01, np.where(s.soc < 0.5, 0.3 * over_V, 0.0))
-    solution: Any = SimpleNamespace(residual_V=(left_V,))
-    share = np.array(overpotential_share(solution, problem, true, np.full(21, 0.01), 0.1))
+    solution: Any = SimpleNamespace(residual_V=(left_V,), problem=problem)
+    share = np.array(overpotential_share(solution, true, np.full(21, 0.01), 0.1))
     assert share[:8] == pytest.approx(0.3)
     assert share[13:] == pytest.approx(0.1)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Rates, block, covered
-from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
+from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_logs import smooth
 from ohmward.battery.identification.record import Record, find_rests
@@ -45,12 +45,12 @@ class CircuitFit(NamedTuple):
 
     solution: CircuitSolution
     search_cov: np.ndarray
-    sought: tuple[SoughtRate, ...]  #: the search parameters after those of the time constants
 
     def search_std(self, name: str) -> float:
         """Standard deviation of a rate that was sought: of its logarithm, or in its unit."""
-        place = len(self.solution.rates.tau_s) + [rate.name for rate in self.sought].index(name)
-        (rate,) = (rate for rate in self.sought if rate.name == name)
+        sought = self.solution.problem.sought
+        k = [rate.name for rate in sought].index(name)
+        rate, place = sought[k], len(self.solution.rates.tau_s) + k
         return float(np.sqrt(self.search_cov[place, place])) * (1.0 if rate.as_log else rate.unit)
 
     def ocv_std_V(self, soc: np.ndarray) -> np.ndarray:
@@ -95,7 +95,7 @@ def fit_circuit(
     solution, _, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
-    return CircuitFit(solution, search_cov, problem.sought)
+    return CircuitFit(solution, search_cov)
 
 
 class Search(NamedTuple):
@@ -221,13 +221,14 @@ _MOST_BACKWARDS, _SMALL_FALL = 0.03, 3e-4
 _SMALLEST_SHAPE = 0.3
 
 
-def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: float) -> Thevenin:
+def circuit_of(solution: CircuitSolution, efficiency: float) -> Thevenin:
     """The Thevenin model of a solution: its OCV curve corrected, its hysteresis scaled."""
+    problem = solution.problem
     resistances = 2 + len(solution.rates.tau_s)
     discharge, charge, *pairs = (tuple(solution.x[block(j)].tolist()) for j in range(resistances))
     return Thevenin(
         capacity_Ah=problem.capacity_Ah,
-        ocv=corrected_ocv(solution, problem),
+        ocv=corrected_ocv(solution),
         r0_discharge_ohm=discharge,
         r0_charge_ohm=charge,
         r_ohm=tuple(pairs),
@@ -238,16 +239,16 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
     )
 
 
-def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurve:
+def corrected_ocv(solution: CircuitSolution) -> OcvCurve:
     """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
     entropy = solution.x[solution.unknowns.group("entropy")]
     more_V_per_K = np.interp(OCV_GRID, ENTROPY_KNOTS, entropy) if entropy.size else 0.0
-    return problem.ocv.corrected(_fitted_curve_V(solution, problem), _hysteresis_scale(solution), more_V_per_K)
+    return solution.problem.ocv.corrected(_fitted_curve_V(solution), _hysteresis_scale(solution), more_V_per_K)
 
 
-def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:
+def curve_notes(solution: CircuitSolution) -> tuple[Note, ...]:
     """A warning where much of the fitted OCV curve falls with SoC, so that `corrected_ocv` levels it."""
-    fitted_V = _fitted_curve_V(solution, problem)
+    fitted_V = _fitted_curve_V(solution)
     falls_V = np.maximum.accumulate(fitted_V) - np.minimum.accumulate(fitted_V[::-1])[::-1]
     share = float(np.mean(falls_V > _SMALL_FALL * fitted_V[-1]))
     if share <= _MOST_BACKWARDS:
@@ -255,21 +256,22 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
     text = (
         f"{share:.0%} of the open-circuit voltage curve that fits the logs falls with SoC and was levelled; the "
         "file counts that as its error. A flat curve (lfp) often does; else the logs contradict the capacity or each "
-        f"other. Is {problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same battery?"
+        f"other. Is {solution.problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same "
+        "battery?"
     )
     return (Note(text, "warning"),)
 
 
-def levelled_V(solution: CircuitSolution, problem: CircuitProblem, soc: np.ndarray) -> np.ndarray:
+def levelled_V(solution: CircuitSolution, soc: np.ndarray) -> np.ndarray:
     """RMS of what was levelled of the fitted OCV curve [V], about each point of a uniform grid of SoC (N,)."""
-    corrected_V = np.asarray(corrected_ocv(solution, problem).voltage_V)
+    corrected_V = np.asarray(corrected_ocv(solution).voltage_V)
     near = np.abs(OCV_GRID - soc[:, None]) <= 0.5 * (soc[1] - soc[0])
-    return np.sqrt(near @ (corrected_V - _fitted_curve_V(solution, problem)) ** 2 / near.sum(axis=1))
+    return np.sqrt(near @ (corrected_V - _fitted_curve_V(solution)) ** 2 / near.sum(axis=1))
 
 
-def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
+def _fitted_curve_V(solution: CircuitSolution) -> np.ndarray:
     """The first OCV curve with the correction of the fit [V], on OCV_GRID."""
-    first = problem.ocv
+    first = solution.problem.ocv
     correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[solution.unknowns.group("ocv")])
     return np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
 

@@ -227,6 +227,11 @@ class CircuitSolution:
     of_prior: np.ndarray  #: deviations of unknowns and rates from their priors over their standard deviations
 
     @property
+    def problem(self) -> CircuitProblem:
+        """The problem of which it is the solution."""
+        return self.rows.system.problem
+
+    @property
     def weighted(self) -> np.ndarray:
         """(M,) residuals and prior over their standard deviations; the search minimises the sum of their squares."""
         return np.concatenate([self.rows.residual, self.of_prior])

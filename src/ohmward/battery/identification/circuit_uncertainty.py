@@ -59,7 +59,7 @@ def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
             value, half = float(s.x[at]), BAND_95 * float(np.sqrt(s.cov[at, at]))
             found.append(ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - half, 0.0), value + half))
     found += [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
-    for rate in fit.sought:
+    for rate in fit.solution.problem.sought:
         value, std = getattr(rates, rate.name), fit.search_std(rate.name)
         half = BAND_95 * std
         interval = ConfidenceInterval(rate.name, value, value - half, value + half)
@@ -67,15 +67,10 @@ def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
     return tuple(found)
 
 
-def not_identified(
-    fit: CircuitFit, samples: Sequence[FitSamples], capacity_Ah: float, hysteresis: bool
-) -> tuple[str, ...]:
-    """Sentences on the parameters that the data do not show, and on the values used instead.
-
-    hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
-    """
-    sentences = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
-    for rate in fit.sought:
+def not_identified(fit: CircuitFit) -> tuple[str, ...]:
+    """Sentences on the parameters that the data do not show, and on the values used instead."""
+    sentences = [*_uncovered(fit.solution), *_directions(fit.solution.problem)]
+    for rate in fit.solution.problem.sought:
         value = getattr(fit.solution.rates, rate.name)
         if rate.name == "hysteresis_rate" and (
             any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
@@ -84,7 +79,7 @@ def not_identified(
             sentences.append(
                 f"{rate.name}: the data hardly depend on it; {value:.3g} was taken within {rate.low:g} to {rate.high:g}"
             )
-    longest_s = max(s.time_s[-1] - s.time_s[0] for s in samples)
+    longest_s = max(s.time_s[-1] - s.time_s[0] for s in fit.solution.problem.samples)
     sentences += [
         f"tau_{j}: {tau_s:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
         for j, tau_s in enumerate(fit.solution.rates.tau_s, start=1)
@@ -103,11 +98,13 @@ def _log_interval(name: str, value: float, std: float) -> ConfidenceInterval:
     return ConfidenceInterval(name, value, value / spread, value * spread)
 
 
-def _uncovered(s: CircuitSolution, samples: Sequence[FitSamples], capacity_Ah: float, shaped: bool) -> list[str]:
-    missing = ~covered(samples, capacity_Ah)
+def _uncovered(s: CircuitSolution) -> list[str]:
+    problem = s.problem
+    missing = ~covered(problem.samples, problem.capacity_Ah)
     if not missing.any():
         return []
-    source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
+    # the distance of two branches gives the slow resistance its shape
+    source = "the shape of the low-rate branches" if any(problem.ocv.hysteresis_V) else "the nearest data, held"
     ranges = ", ".join(_range(a, b) for a, b in runs(missing))
     return [f"resistances at SoC {ranges}: no current flowed there; taken from {source}, ± {_share(s, missing):.0%}"]
 
@@ -132,12 +129,10 @@ def _steady_resistance(s: CircuitSolution) -> np.ndarray:
     return rows
 
 
-def _directions(samples: Sequence[FitSamples], capacity_Ah: float) -> list[str]:
-    current_A = np.concatenate([s.current_A for s in samples])
-    words = {
-        "charge": current_A > COVERED_RATE * capacity_Ah,
-        "discharge": current_A < -COVERED_RATE * capacity_Ah,
-    }
+def _directions(problem: CircuitProblem) -> list[str]:
+    current_A = np.concatenate([s.current_A for s in problem.samples])
+    least_A = COVERED_RATE * problem.capacity_Ah
+    words = {"charge": current_A > least_A, "discharge": current_A < -least_A}
     return [
         f"r0_{word}_ohm: the logs hold no {word}; taken from the other direction"
         for word, there in words.items()
@@ -159,8 +154,9 @@ _UNTESTED_HYSTERESIS_STD = 0.5
 _SMALLEST_SCALE = 0.1
 
 
-def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
+def activation_std_K(fit: CircuitFit) -> float:
     """Standard deviation common to all activations [K]: of the fit, or the chemistry's for tests at one temperature."""
+    problem = fit.solution.problem
     usual_K = problem.prior.activation_std_K
     if not problem.fit_activation:
         return usual_K
@@ -168,8 +164,9 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     return remaining_std(found_K, ACTIVATION_STD_K, usual_K)
 
 
-def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
+def ocv_std_V_per_K(fit: CircuitFit) -> float:
     """Standard deviation of the change of the open-circuit voltage with temperature [V/K]; of a fit, rms along SoC."""
+    problem = fit.solution.problem
     usual = problem.volts * problem.prior.ocv_std_V_per_K
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)
@@ -178,13 +175,14 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     return remaining_std(found, ENTROPY_SHARE * usual, usual)
 
 
-def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
+def hysteresis_std(fit: CircuitFit) -> float:
     """Relative standard deviation of the hysteresis: that of the fit where it has low-rate branches."""
+    solution = fit.solution
+    problem = solution.problem
     if not any(problem.ocv.hysteresis_V):
         return _UNTESTED_HYSTERESIS_STD if usual_hysteresis_V(problem) else 0.0
     if not problem.branches:
         return _BRANCHES_STD
-    solution = fit.solution
     at = solution.unknowns.group("hysteresis").start
     found = float(np.sqrt(solution.cov[at, at]) / max(solution.x[at], _SMALLEST_SCALE))
     return remaining_std(found, HYSTERESIS_STD, _BRANCHES_STD)
@@ -220,8 +218,9 @@ def _branch(problem: CircuitProblem, p: Thevenin) -> np.ndarray:
     return np.interp(RESISTANCE_GRID, RESISTANCE_GRID[seen], (near @ (weight * h))[seen] / total[seen])
 
 
-def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
+def untested_sentences(fit: CircuitFit, chemistry: str) -> tuple[str, ...]:
     """Sentences on the values taken from the chemistry `chemistry`, "" for an unknown one."""
+    problem = fit.solution.problem
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
     sentences = []
     if not any(problem.ocv.hysteresis_V):
@@ -242,7 +241,7 @@ def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str)
         f"each ± {BAND_95 * prior.activation_std_K:.0f} K; the RC pairs of an empty battery have {more} (95 %)"
     )
     if not any(problem.ocv.temperature_V_per_K):
-        half_mV = 1e3 * BAND_95 * ocv_std_V_per_K(fit, problem)
+        half_mV = 1e3 * BAND_95 * ocv_std_V_per_K(fit)
         sentences.append(
             f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {half_mV:.2g} mV/K (95 %) "
             f"was assumed, as usual for {kind}"
@@ -314,7 +313,6 @@ _RESAMPLED_S = 10.0
 
 def noise_from_fit(
     fit: CircuitFit,
-    problem: CircuitProblem,
     p: Thevenin,
     pulses_only: bool,
     anchors_std: float,
@@ -329,23 +327,25 @@ def noise_from_fit(
     longest_rest_s: of all logs.
     whole_curve: low-rate tests of both directions have shown the open-circuit voltage from full to empty.
     """
-    solution, samples, volts = fit.solution, problem.samples, problem.volts
-    residual_V = residual_std_V(solution, problem)
+    solution = fit.solution
+    problem = solution.problem
+    samples, volts = problem.samples, problem.volts
+    residual_V = residual_std_V(solution)
     axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
     # as a slow RC pair sees the current
     moved_As = sum(float(np.abs(s.mean_current_A * s.dt_s).sum()) for s in samples)
     typical_A = moved_As / max(sum(float(s.dt_s.sum()) for s in samples), 1e-9)
     loaded_V, rested_V = posterior_std_V(solution, typical_A), posterior_std_V(solution, 0.0)
     posterior_V = beyond_axis_V(np.maximum(loaded_V, rested_V), p.ocv, axis_std)
-    unvisited_V = volts * unvisited_std_V(samples, p.capacity_Ah)
+    unvisited_V = volts * unvisited_std_V(problem)
     if whole_curve:
         unvisited_V = np.minimum(unvisited_V, volts * _UNVISITED_ON_BRANCHES_STD_V)
     posterior_V = np.maximum(posterior_V, unvisited_V)
     if longest_rest_s < SETTLED_REST_S:
         steady_ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
         posterior_V = np.hypot(posterior_V, _LASTING_LOAD_ERROR * typical_A * steady_ohm)
-    posterior_V = np.hypot(posterior_V, levelled_V(solution, problem, RESISTANCE_GRID))
-    floor_V = pulses_floor_V(solution, problem) if pulses_only else volts * problem.prior.model_V
+    posterior_V = np.hypot(posterior_V, levelled_V(solution, RESISTANCE_GRID))
+    floor_V = pulses_floor_V(solution) if pulses_only else volts * problem.prior.model_V
     model_V = np.maximum(np.hypot(np.nan_to_num(residual_V), posterior_V), floor_V)
     least_share = _PULSES_SHARE if pulses_only else _USUAL_ERROR
     relaxation_s = min(max(p.tau_s, default=0.0), _RELAXATION_S)
@@ -356,37 +356,38 @@ def noise_from_fit(
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
         level_std_V=float(model_V.min()),
-        overpotential_share=overpotential_share(solution, problem, p, np.nan_to_num(residual_V), least_share),
-        correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else relaxation_s),
+        overpotential_share=overpotential_share(solution, p, np.nan_to_num(residual_V), least_share),
+        correlation_s=max(correlation_s(solution), _PULSES_CORRELATION_S if pulses_only else relaxation_s),
         resistance_std=AGED_RESISTANCE_STD,
-        activation_std_K=activation_std_K(fit, problem),
+        activation_std_K=activation_std_K(fit),
         empty_activation_std_K=problem.prior.empty_activation_K.std,
-        ocv_std_V_per_K=ocv_std_V_per_K(fit, problem),
-        hysteresis_std=hysteresis_std(fit, problem),
+        ocv_std_V_per_K=ocv_std_V_per_K(fit),
+        hysteresis_std=hysteresis_std(fit),
         ocv_slip_std=problem.prior.ocv_slip.std,
     )
 
 
-def pulses_floor_V(solution: CircuitSolution, problem: CircuitProblem) -> float:
+def pulses_floor_V(solution: CircuitSolution) -> float:
     """Smallest model error at any SoC [V] after short pulses: the chemistry's, narrowed by what the test itself shows.
 
     sigma^2 = (n_0 sigma_0^2 + n e^2) / (n_0 + n) with the chemistry's sigma_0 and the median e of n `held_out_V`: the
     posterior of a variance [Gelman et al., Bayesian Data Analysis, 2013, 2.6]. Never larger than sigma_0, because the
     file has data where those blocks were predicted without.
     """
-    usual_V = problem.volts * max(problem.prior.model_V, problem.prior.pulses_V)
-    errors_V = held_out_V(solution, problem)
+    prior = solution.problem.prior
+    usual_V = solution.problem.volts * max(prior.model_V, prior.pulses_V)
+    errors_V = held_out_V(solution)
     n, error_V = errors_V.size, float(np.median(errors_V)) if errors_V.size else usual_V
     variance = (_CHEMISTRY_BLOCKS * usual_V**2 + n * error_V**2) / (_CHEMISTRY_BLOCKS + n)
     return min(float(np.sqrt(variance)), usual_V)
 
 
-def held_out_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
+def held_out_V(solution: CircuitSolution) -> np.ndarray:
     """(n,) rms error [V] of each block of SoC with data over half of it, predicted by a fit to all other samples.
 
     e = (I + A (H - A'A)^-1 A') r, with residuals r and columns A of the block and the posterior precision H of all.
     """
-    rows, soc = solution.rows, problem.joined("soc")
+    rows, soc = solution.rows, solution.problem.joined("soc")
     columns, errors_V = rows.columns, []
     for low in _BLOCKS_SOC:
         inside = (soc >= low) & (soc < low + _BLOCK_SOC) & (rows.scale > 0)
@@ -397,13 +398,13 @@ def held_out_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray
     return np.array(errors_V)
 
 
-def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
+def residual_std_V(solution: CircuitSolution) -> np.ndarray:
     """(21,) rms of the residual within 5 % of each SoC [V], nan where there are no data.
 
     Samples that count little in the fit, such as the charge of a lead-acid battery, count little here.
     """
     residual_V = np.concatenate(solution.residual_V)
-    near, weight = _near(problem)
+    near, weight = _near(solution.problem)
     total = near @ weight
     sum_V2 = near @ (weight * np.nan_to_num(residual_V) ** 2)
     return np.sqrt(sum_V2 / np.where(total > 0, total, np.nan))
@@ -418,16 +419,14 @@ def _near(problem: CircuitProblem) -> tuple[np.ndarray, np.ndarray]:
     return (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SOC_WINDOW) & measured, weight
 
 
-def overpotential_share(
-    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, curve_V: np.ndarray, least: float
-) -> tuple[float, ...]:
+def overpotential_share(solution: CircuitSolution, p: Thevenin, curve_V: np.ndarray, least: float) -> tuple[float, ...]:
     """(21,) relative error of the overpotential: residual over overpotential, in rms over the currents near each SoC.
 
     curve_V: (21,) part of the residual that rests have as well; least: smallest error.
     """
     over_V2, residual_V2 = np.zeros((2, RESISTANCE_GRID.size))
-    for s, residual_V in zip(problem.samples, solution.residual_V, strict=True):
-        flows = (np.abs(s.mean_current_A) > COVERED_RATE * problem.capacity_Ah) & np.isfinite(residual_V)
+    for s, residual_V in zip(solution.problem.samples, solution.residual_V, strict=True):
+        flows = (np.abs(s.mean_current_A) > COVERED_RATE * p.capacity_Ah) & np.isfinite(residual_V)
         near = np.abs(s.soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW
         time_s = near * np.where(flows, np.minimum(s.dt_s, COARSEST_S), 0.0)
         over_V2 += time_s @ np.nan_to_num(s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC)) ** 2
@@ -450,12 +449,12 @@ def posterior_std_V(solution: CircuitSolution, current_A: float) -> np.ndarray:
     return np.sqrt(np.maximum(variances(rows, solution.cov), 0.0))
 
 
-def unvisited_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
+def unvisited_std_V(problem: CircuitProblem) -> np.ndarray:
     """(21,) standard deviation of a lithium-ion cell's model away from the SoC at which a current flowed [V].
 
     Measured on cells identified from one half of their range: it grows with the root of the distance.
     """
-    seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
+    seen = RESISTANCE_GRID[covered(problem.samples, problem.capacity_Ah)]
     distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1, initial=1.0)
     return _UNVISITED_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
 
@@ -465,9 +464,9 @@ def _white_std(steps: np.ndarray) -> float:
     return float(_MAD * np.median(np.abs(steps)) / np.sqrt(2)) if steps.size else 0.0
 
 
-def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> float:
+def correlation_s(solution: CircuitSolution) -> float:
     """Correlation time of the residual [s], after which its autocorrelation has fallen to 1/e, on a grid of 10 s."""
-    times = [_decay_s(s, r) for s, r in zip(samples, solution.residual_V, strict=True)]
+    times = [_decay_s(s, r) for s, r in zip(solution.problem.samples, solution.residual_V, strict=True)]
     low, high = _CORRELATION_S
     return float(min(max(np.median(times), low), high))
 

@@ -209,7 +209,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     parts = [thin(r, axis.soc) for r, axis in zip(first.fitted, prepared.axes, strict=True)]
     problem = _problem(prepared, tuple(chain.from_iterable(parts)), settings)
     fit, choice = _fit(problem, settings, progress)
-    model = circuit_of(fit.solution, problem, min(axis.efficiency for axis in prepared.axes))
+    model = circuit_of(fit.solution, min(axis.efficiency for axis in prepared.axes))
     if settings.chemistry:
         model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
     voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(problem.samples))
@@ -219,7 +219,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     )
     edges = tuple(chain.from_iterable(log.edges for log in details))
     fits = *(log.quality for log in details), *branch_fits(first.branches)
-    checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution, problem)
+    checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution)
     provenance = replace(
         _provenance(prepared, settings, model.ocv, (*choice, *checks)),
         logs=fits,
@@ -227,10 +227,10 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     )
     missing = (
         *first.not_identified,
-        *not_identified(fit, problem.samples, settings.capacity_Ah, any(first.curve.hysteresis_V)),
-        *untested_sentences(fit, problem, settings.chemistry),
+        *not_identified(fit),
+        *untested_sentences(fit, settings.chemistry),
     )
-    noise = _noise(prepared, settings, fit, problem, model, details)
+    noise = _noise(prepared, settings, fit, model, details)
     battery = _battery(prepared, settings, with_usual_hysteresis(model, problem), noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     return Identified(battery, first.branches, first.curve, details, fit)
@@ -240,7 +240,6 @@ def _noise(
     prepared: Preparation,
     settings: IdentificationSettings,
     fit: CircuitFit,
-    problem: CircuitProblem,
     model: Thevenin,
     details: Sequence[LogDetails],
 ) -> BatteryNoise:
@@ -249,14 +248,13 @@ def _noise(
     measured = {branch.direction for branch in prepared.first.branches if branch.complete}
     noise = noise_from_fit(
         fit,
-        problem,
         model,
         pulses_only=all(record.test == "pulses" for record in fitted),
         anchors_std=axis_std(fitted, prepared.axes),
         longest_rest_s=longest_rest_s(fitted),
         whole_curve=len(measured) == 2,
     )
-    correlation = problem.prior.ageing_correlation[bool(measured)]
+    correlation = fit.solution.problem.prior.ageing_correlation[bool(measured)]
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     return _with_known_capacity(noise, prepared, settings.capacity_Ah, details)
 
@@ -273,7 +271,7 @@ def _fit(
         pairs = 1 if settings.model == "rc" else int(settings.model[len("thevenin-")])
         fit = fit_circuit(problem, pairs, progress)
     if settings.chemistry and CHEMISTRIES[settings.chemistry].charge_transfer:
-        fit, note = try_transfer(problem, fit, settings.n_series)
+        fit, note = try_transfer(fit, settings.n_series)
         notes.append(note)
     return fit, tuple(notes)
 
@@ -418,8 +416,9 @@ def cells_transfer_V(reference_degC: float, n_series: int) -> float:
     return n_series * 2 * GAS_J_PER_MOL_K * (reference_degC + KELVIN) / FARADAY_C_PER_MOL
 
 
-def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
+def try_transfer(straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
     """The fit with a nonlinear drop where the logs clearly show it, else the linear one; a note on it."""
+    problem = straight.solution.problem
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
     with_transfer = fit_circuit(replace(problem, transfer_V=transfer_V), len(near.tau_s), near=(near,))
