@@ -42,13 +42,13 @@ from ohmward.battery.chemistries import (
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD
 from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN, ROOM_DEGC
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
 
-#: Points of the resistances along SoC, and distance from SoC 0 and 1 within which they are held: 1 / j_0 may diverge.
-_RESISTANCE_POINTS, _END_DISTANCE = 21, 0.01
+#: Distance from SoC 0 and 1 within which resistances are held: 1 / j_0 may diverge.
+_END_DISTANCE = 0.01
 #: Half step of a stoichiometry for the slope of a potential.
 _DX = 1e-3
 #: Relative difference of electrode and nominal capacity beyond which a file contradicts itself.
@@ -144,8 +144,8 @@ def _thevenin(
     source: _Source, cell_Ah: float, area_m2: float, reference_K: float, negative: _Electrode, positive: _Electrode
 ) -> Thevenin:
     """The circuit of one cell."""
-    fine, coarse = OCV_GRID, np.linspace(0.0, 1.0, _RESISTANCE_POINTS)
-    inside = np.clip(coarse, _END_DISTANCE, 1.0 - _END_DISTANCE)
+    fine = OCV_GRID
+    inside = np.clip(RESISTANCE_GRID, _END_DISTANCE, 1.0 - _END_DISTANCE)
     both = (negative, positive)
     ocv_V = positive.potential_V(positive.stoichiometry(fine)) - negative.potential_V(negative.stoichiometry(fine))
     entropy = [e.entropy_V_per_K(e.stoichiometry(fine)) for e in both]
@@ -156,7 +156,7 @@ def _thevenin(
     r0_ohm = tuple((conducted_ohm + transfer_ohm[0] + transfer_ohm[1]).tolist())
     diffusion_ohm = [_diffusion_ohm(e, inside) for e in both]
     pairs = sorted((3.0 * e.lag_s / 7.0, row) for e, row in zip(both, diffusion_ohm, strict=True))
-    middle = _RESISTANCE_POINTS // 2
+    middle = RESISTANCE_GRID.size // 2
     shares = [conducted_ohm, *(ohm[middle] for ohm in transfer_ohm)]
     conduction_K = source.activation_K(source.table("Parameterisation", "Electrolyte", optional=True), "Conductivity")
     activations_K = [conduction_K, *(e.rate_K for e in both)]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
+from ohmward.battery.models.ocv import LEAST_SPAN, OCV_GRID, OcvCurve, monotone
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
@@ -17,8 +17,6 @@ from ohmward.optional import require
 _COUNTING_ERROR = 0.005
 #: A voltage that falls with rising SoC by less than this share of itself is noise of the measurement and is levelled.
 _FALL_SHARE = 0.0015
-#: Smallest span of SoC in a table.
-_SMALLEST_SPAN = 0.2
 #: A table that ends further than this from empty or full is worth a note on how the curve goes on.
 _END_GAP = 0.02
 #: Largest distance of a log's usual voltage from the curve, as a share of it: the overpotential of its currents.
@@ -64,9 +62,9 @@ def curve_of(table: OcvTable) -> GivenOcv:
     rising_V, levelled_V = _rising(table, soc, mean_V[order])
     slope = np.zeros(soc.size) if table.slope_V_per_K is None else table.slope_V_per_K[order]
     soc, (rising_V, half_V, slope) = _one_per_soc(soc, (rising_V, hysteresis_V[order], slope))
-    if soc[-1] - soc[0] < _SMALLEST_SPAN:
+    if soc[-1] - soc[0] < LEAST_SPAN:
         raise InputError(
-            f"{table.source}: its SoC spans {soc[0]:.3g} to {soc[-1]:.3g}; a curve needs at least {_SMALLEST_SPAN:.0%} "
+            f"{table.source}: its SoC spans {soc[0]:.3g} to {soc[-1]:.3g}; a curve needs at least {LEAST_SPAN:.0%} "
             "of SoC (is the column in 0 to 1, or in percent?)"
         )
     curve = OcvCurve(

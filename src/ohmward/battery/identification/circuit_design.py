@@ -23,10 +23,9 @@ from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_al
 from ohmward.battery.identification.soc_axis import axis_bridge
 from ohmward.battery.models.noise import on_soc_grid
 from ohmward.battery.models.ocv import OcvCurve, correlation, hat
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
-from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Gaussian, Unknowns
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, CircuitInput, Thevenin, ohmic_drop
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, ENTROPY_SHARE, OCV_KNOTS, Gaussian, Unknowns
 
-RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Smaller currents, as a share of 1 C, show no resistance.
 COVERED_RATE = 0.02
 #: Number of sets of columns that are kept: one of the rates about which a derivative is taken, and others beside it.
@@ -169,9 +168,6 @@ def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
 
 #: Error of the curve over half the gap of its branches: the true curve lies between them, not always in the middle.
 _GAP_SHARE = 0.5
-#: Error of the curve's temperature slope where low-rate tests measured it, relative to that where they did not: their
-#: branches include overpotential, which changes with temperature as well.
-_MEASURED_SLOPE = 0.5
 
 
 def nuisance_prior(
@@ -234,7 +230,7 @@ def entropy_std(prior: ChemistryPrior, ocv: OcvCurve, volts: float) -> float:
     Less where low-rate tests at two temperatures have measured it.
     """
     usual = volts * prior.ocv_std_V_per_K
-    return _MEASURED_SLOPE * usual if any(ocv.temperature_V_per_K) else usual
+    return ENTROPY_SHARE * usual if any(ocv.temperature_V_per_K) else usual
 
 
 def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:

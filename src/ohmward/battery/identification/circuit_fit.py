@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Rates, block, covered
+from ohmward.battery.identification.circuit_design import Rates, block, covered
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_logs import smooth
 from ohmward.battery.identification.record import Record, find_rests
 from ohmward.battery.models.ocv import OCV_GRID, OcvCurve
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, Thevenin
 from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.logs.log import Note
 from ohmward.optional import require

@@ -13,7 +13,6 @@ import numpy as np
 
 from ohmward.battery.chemistries import CELL_V, ChemistryPrior
 from ohmward.battery.identification.circuit_design import (
-    RESISTANCE_GRID,
     Rates,
     RecordColumns,
     block,
@@ -21,10 +20,10 @@ from ohmward.battery.identification.circuit_design import (
     nuisance_prior,
     resistance_prior,
 )
-from ohmward.battery.identification.fit_samples import FitSamples
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.models.thevenin import transfer_share
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, transfer_share
 from ohmward.battery.posterior import (
     Gaussian,
     Unknowns,
@@ -40,8 +39,6 @@ from ohmward.trace import Kernel, linearize
 
 #: Error of the model and the sensor in a sample of a lithium-ion cell [V].
 VOLTAGE_STD_V = 0.003
-#: Samples closer than this share one error of the model [s].
-CORRELATION_S = 60.0
 #: Steps after which the robust weights have settled.
 _STEPS = 2
 #: Keeps the equations for the levels of resistances without data from being singular.
@@ -199,8 +196,7 @@ class CircuitProblem:
     @cached_property
     def weights(self) -> np.ndarray:
         """(M,) number of samples that each counts as: those within 60 s share one error, one without a voltage none."""
-        share = np.minimum(self.joined("dt_s"), CORRELATION_S) / CORRELATION_S
-        return np.where(self.measured, share, 0.0)
+        return np.where(self.measured, self.joined("weight_s") / COARSEST_S, 0.0)
 
 
 @cache

@@ -14,7 +14,6 @@ import numpy as np
 from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import (
     COVERED_RATE,
-    RESISTANCE_GRID,
     block,
     covered,
     entropy_std,
@@ -26,17 +25,19 @@ from ohmward.battery.identification.circuit_solve import (
     CircuitSolution,
     error_factor,
 )
-from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, hysteresis_along
+from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along
 from ohmward.battery.identification.record import SETTLED_REST_S, Record
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
 from ohmward.battery.models.ocv import hat
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, Thevenin
 from ohmward.battery.posterior import (
     ACTIVATION_STD_K,
     ENTROPY_SHARE,
     HYSTERESIS_STD,
     OCV_KNOTS,
+    OVERPOTENTIAL_STD,
     SOC_AXIS_STD,
+    USUAL_HYSTERESIS_STD,
     beyond_axis_V,
     remaining_std,
     variances,
@@ -146,10 +147,6 @@ _SPREAD_K = 10.0
 #: Share of the charge that may have flowed below the low and above the high temperature.
 _OUTSIDE_SHARE = 0.02
 
-#: Relative error of a hysteresis from low-rate branches: it is 0.35 to 0.7 of their gap on measured LFP cells.
-_BRANCHES_STD = 0.5
-#: The same of the chemistry's usual one, where no low-rate branches show it.
-_UNTESTED_HYSTERESIS_STD = 0.5
 #: Smallest hysteresis, as a share of the gap, by which its error is divided.
 _SMALLEST_SCALE = 0.1
 
@@ -180,12 +177,12 @@ def hysteresis_std(fit: CircuitFit) -> float:
     solution = fit.solution
     problem = solution.problem
     if not any(problem.ocv.hysteresis_V):
-        return _UNTESTED_HYSTERESIS_STD if usual_hysteresis_V(problem) else 0.0
+        return USUAL_HYSTERESIS_STD if usual_hysteresis_V(problem) else 0.0
     if not problem.branches:
-        return _BRANCHES_STD
+        return USUAL_HYSTERESIS_STD
     at = solution.unknowns.group("hysteresis").start
     found = float(np.sqrt(solution.cov[at, at]) / max(solution.x[at], _SMALLEST_SCALE))
-    return remaining_std(found, HYSTERESIS_STD, _BRANCHES_STD)
+    return remaining_std(found, HYSTERESIS_STD, USUAL_HYSTERESIS_STD)
 
 
 def usual_hysteresis_V(problem: CircuitProblem) -> float:
@@ -224,7 +221,7 @@ def untested_sentences(fit: CircuitFit, chemistry: str) -> tuple[str, ...]:
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
     sentences = []
     if not any(problem.ocv.hysteresis_V):
-        half_mV, factor = 1e3 * usual_hysteresis_V(problem), np.exp(BAND_95 * _UNTESTED_HYSTERESIS_STD)
+        half_mV, factor = 1e3 * usual_hysteresis_V(problem), np.exp(BAND_95 * USUAL_HYSTERESIS_STD)
         sentences.append(
             f"hysteresis: needs a low-rate discharge and a low-rate charge; {half_mV:.2g} mV was assumed beside the "
             f"tested branch, right within a factor of {factor:.1f} (95 %), as usual for {kind}"
@@ -275,15 +272,13 @@ def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
     return LoadTemperature(float(degC[order[low]]), float(degC[order[high]]))
 
 
-#: Relative error of the overpotential of a lasting load where no settled rest shows it: from one drive of an NMC cell
-#: to another of the same cell it was 18 %, with the open-circuit voltage known.
+#: Relative error of the overpotential of a lasting load where no settled rest shows it, or short pulses only the start
+#: of a slow process: from one drive of an NMC cell to another of the same cell it was 18 %, with the open-circuit
+#: voltage known.
 _LASTING_LOAD_ERROR = 0.15
 
 #: Smallest white noise of a voltage sensor, for a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
-#: Short pulses show only the start of a slow process: smallest error of the overpotential after them.
-_PULSES_SHARE = 0.15
-_PULSES_CORRELATION_S = 300.0
 #: Blocks of SoC that are left out of the fit and predicted, between the steep ends; and number of blocks that the error
 #: of the chemistry counts as. Of 29 tests of ten cells, the error at small currents on another day at 15 to 40 degC was
 #: 0.7 to 9.6 mV. Its rank correlation was 0.7 with the median over the blocks, -0.3 with the error of the chemistry.
@@ -296,8 +291,7 @@ _SOC_WINDOW = 0.05
 #: have shown the curve there: 3 to 9 mV for measured cells at the temperature of the test, 12 mV in the cold.
 _UNVISITED_STD_V = 0.03
 _UNVISITED_ON_BRANCHES_STD_V = 0.012
-#: Relative error of the overpotential: usual, and largest.
-_USUAL_ERROR = 0.1
+#: Largest relative error of the overpotential.
 _LARGEST_ERROR = 0.5
 #: Charges count for it within this distance of a state of charge.
 _SHARE_WINDOW = 0.1
@@ -306,7 +300,7 @@ _MAD = 1.4826
 #: Bounds of the correlation time of the residual [s], and the grid on which it is sought.
 _CORRELATION_S = (60.0, 1000.0)
 #: A fit leaves a residual that is whiter than the errors of another drive: those of the relaxation last about as long
-#: as the slowest pair, but not much longer than the loads of a drive [s].
+#: as the slowest pair, of which short pulses show only the start, but not much longer than the loads of a drive [s].
 _RELAXATION_S = 300.0
 _RESAMPLED_S = 10.0
 
@@ -347,8 +341,8 @@ def noise_from_fit(
     posterior_V = np.hypot(posterior_V, levelled_V(solution, RESISTANCE_GRID))
     floor_V = pulses_floor_V(solution) if pulses_only else volts * problem.prior.model_V
     model_V = np.maximum(np.hypot(np.nan_to_num(residual_V), posterior_V), floor_V)
-    least_share = _PULSES_SHARE if pulses_only else _USUAL_ERROR
-    relaxation_s = min(max(p.tau_s, default=0.0), _RELAXATION_S)
+    least_share = _LASTING_LOAD_ERROR if pulses_only else OVERPOTENTIAL_STD
+    relaxation_s = _RELAXATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S)
     steps_V = np.concatenate([np.diff(r) for r in solution.residual_V])
     return BatteryNoise(
         soc_axis_std=axis_std,
@@ -357,7 +351,7 @@ def noise_from_fit(
         model_soc_length=problem.prior.model_soc_length,
         level_std_V=float(model_V.min()),
         overpotential_share=overpotential_share(solution, p, np.nan_to_num(residual_V), least_share),
-        correlation_s=max(correlation_s(solution), _PULSES_CORRELATION_S if pulses_only else relaxation_s),
+        correlation_s=max(correlation_s(solution), relaxation_s),
         resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit),
         empty_activation_std_K=problem.prior.empty_activation_K.std,
@@ -415,7 +409,7 @@ def _near(problem: CircuitProblem) -> tuple[np.ndarray, np.ndarray]:
     soc = np.concatenate([s.soc for s in problem.samples])
     measured = np.concatenate([np.isfinite(s.voltage_V) for s in problem.samples])
     factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
-    weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
+    weight = np.concatenate([s.weight_s for s in problem.samples]) / factor**2
     return (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SOC_WINDOW) & measured, weight
 
 
@@ -428,7 +422,7 @@ def overpotential_share(solution: CircuitSolution, p: Thevenin, curve_V: np.ndar
     for s, residual_V in zip(solution.problem.samples, solution.residual_V, strict=True):
         flows = (np.abs(s.mean_current_A) > COVERED_RATE * p.capacity_Ah) & np.isfinite(residual_V)
         near = np.abs(s.soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW
-        time_s = near * np.where(flows, np.minimum(s.dt_s, COARSEST_S), 0.0)
+        time_s = near * np.where(flows, s.weight_s, 0.0)
         over_V2 += time_s @ np.nan_to_num(s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC)) ** 2
         residual_V2 += time_s @ np.nan_to_num(residual_V) ** 2 - time_s.sum(axis=1) * curve_V**2
     seen = over_V2 > 0

@@ -56,6 +56,11 @@ class FitSamples(NamedTuple):
     voltage_V: np.ndarray  #: measured, nan where it was not
     starts_at_rest: bool  #: True where the record starts with a long rest, its overpotentials gone
 
+    @property
+    def weight_s(self) -> np.ndarray:
+        """Time that each sample stands for: beyond `COARSEST_S` it has an error of its own."""
+        return np.minimum(self.dt_s, COARSEST_S)
+
 
 def thin(record: Record, soc: np.ndarray) -> tuple[FitSamples, ...]:
     """The samples at the edges of the current, then at intervals of 10 % of the time since, from 1 s up to 60 s.

@@ -70,15 +70,13 @@ from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.posterior import USUAL_HYSTERESIS_STD
 from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.checks import require_between, require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
 
-#: Relative error of the usual gap between low-rate branches: half of it is 2 to 21 mV at mid SoC of seven lithium
-#: cells at 25 degC, where 12 to 19 are usual.
-_GAP_ERROR = 0.5
 #: A nonlinear drop is used where it leaves less than this share of the squared residuals of a linear one: 0.25 to 0.56
 #: in pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 for a measured and a simulated battery
 #: without. The evidence cannot decide: its robust weights treat the pulses that a linear drop misses as outliers.
@@ -335,7 +333,7 @@ def _beside_one_branch(model: Thevenin, branch: OcvBranch, settings: Identificat
         voltage_V=tuple(voltage_V + shift_V for voltage_V in model.ocv.voltage_V),
         hysteresis_V=(settings.n_series * cell.hysteresis_V,) * len(model.ocv.voltage_V),
     )
-    return replace(model, ocv=curve), _GAP_ERROR * half_V
+    return replace(model, ocv=curve), USUAL_HYSTERESIS_STD * half_V
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, model: Thevenin, noise: BatteryNoise) -> Battery:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, settled_ends
-from ohmward.battery.models.ocv import OCV_GRID, OcvCurve, monotone
+from ohmward.battery.models.ocv import LEAST_SPAN, OCV_GRID, OcvCurve, monotone
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.optional import require
@@ -262,9 +262,8 @@ def branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
 _RESTED_CURVE_POINTS = 101
 #: Rests whose SoC differs by less are one point.
 _SAME_SOC = 0.01
-#: Fewest points, and smallest span of SoC, that make a curve.
+#: Fewest points that make a curve.
 _FEWEST_POINTS = 2
-_SMALLEST_SPAN = 0.2
 #: Largest drop of the curve below a straight line on the way to SoC 0, over the voltage.
 _LARGEST_DROP = 0.1
 
@@ -299,7 +298,7 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
     PchipInterpolator = require("scipy.interpolate", "identification").PchipInterpolator
 
     soc, voltage_V = _merged(points)
-    if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:
+    if soc.size < _FEWEST_POINTS or np.ptp(soc) < LEAST_SPAN:
         span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
             f"only {soc.size} rests of {SETTLED_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit "

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.chemistries import Normal
+from ohmward.battery.chemistries import HysteresisPrior, Normal
 from ohmward.battery.identification.fit_samples import hysteresis_by_charge
 from ohmward.battery.identification.ocv_from_logs import CAPACITY_WARNING
 from ohmward.battery.identification.record import (
@@ -57,8 +57,6 @@ _VOLTAGE_STD_SHARE = 0.0015
 #: A low-rate gap includes slow overpotential: share of its half that is hysteresis at a rest, and its error. On A123
 #: LFP cells it is 0.7 to 0.9; after an hour of rest a Panasonic NCA cell lies on the low-rate discharge itself.
 _HYSTERESIS_SHARE, _HYSTERESIS_SHARE_STD = 0.9, 0.25
-#: Usual rate gamma of the hysteresis, which reverses within a few per cent of SoC.
-_USUAL_GAMMA = 40.0
 #: Cut-offs lie within this share of the capacity of the lowest charge: after an earlier one, the battery gave more.
 _SAME_CHARGE = 0.01
 #: Lowest temperature at which a load that reaches the voltage of empty has emptied the battery [degC].
@@ -312,7 +310,7 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
 def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
     """Hysteresis state (T,) in [-1, 1] by the charge that flowed, and the share of it that is known."""
     moved_Ah = record.charge.moved_Ah
-    per_Ah = np.full(moved_Ah.size, _USUAL_GAMMA / capacity_Ah)
+    per_Ah = np.full(moved_Ah.size, HysteresisPrior().rate / capacity_Ah)
     states = hysteresis_by_charge(moved_Ah, per_Ah, (-1.0, 0.0, 1.0))
     unknown = 0.0 if record.came_from else 0.5 * (states[:, 2] - states[:, 0])
     return states[:, 1 + record.came_from], 1.0 - unknown * np.ones(moved_Ah.size)

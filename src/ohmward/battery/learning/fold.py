@@ -24,6 +24,7 @@ from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve, hat, slip_shape
 from ohmward.battery.models.thevenin import (
+    RESISTANCE_GRID,
     RESISTANCE_KNOTS,
     CircuitInput,
     Corrections,
@@ -39,6 +40,7 @@ from ohmward.battery.posterior import (
     ENTROPY_SHARE,
     HYSTERESIS_STD,
     OCV_KNOTS,
+    OVERPOTENTIAL_STD,
     SOC_AXIS_STD,
     Unknowns,
     beyond_axis_V,
@@ -54,10 +56,8 @@ PULSE_S, _HALF = 10.0, 0.5
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 #: The same for a battery that gases: slowly diffusing acid leaves 18 to 50 mV of 12 V after a day of loads.
 _GASSING_MODEL_STD_V = 0.01
-#: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC.
-_CAPACITY_STD, _RESISTANCE_STD, _OVERPOTENTIAL_STD = 0.01, 0.05, 0.1
-#: Grid of the error along SoC.
-_NOISE_GRID = np.linspace(0.0, 1.0, 21)
+#: Smallest relative errors: of the capacity, of all resistances.
+_CAPACITY_STD, _RESISTANCE_STD = 0.01, 0.05
 #: Distance in SoC at which the correlation of the curve's error is taken, for its length.
 _NEIGHBOUR = 0.1
 
@@ -256,7 +256,7 @@ def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
     p, model = parameters_of(battery), battery.thevenin
     grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
-    along = hat(_NOISE_GRID, RESISTANCE_KNOTS).mean(axis=0)
+    along = hat(RESISTANCE_GRID, RESISTANCE_KNOTS).mean(axis=0)
     rows = [along * np.interp(RESISTANCE_KNOTS, grid, ohm) for ohm in (model.r0_discharge_ohm, *model.r_ohm)]
     weights = np.zeros(p.size)
     weights[p.places("ohmic", "pair")] = np.concatenate(rows)
@@ -267,13 +267,13 @@ def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
 
 def _curve_error(battery: Battery, p: Unknowns, covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """(21,) standard deviation [V] of the curve along SoC, and the correlation length of that error."""
-    rows = np.zeros((_NOISE_GRID.size, p.size))
-    rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
-    rows[:, p.group("capacity")] = -_slope_by_capacity_V(battery, _NOISE_GRID)[:, None]
+    rows = np.zeros((RESISTANCE_GRID.size, p.size))
+    rows[:, p.group("ocv")] = hat(RESISTANCE_GRID, OCV_KNOTS)
+    rows[:, p.group("capacity")] = -_slope_by_capacity_V(battery, RESISTANCE_GRID)[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
     floor_V2 = model_floor_V(battery) ** 2
-    apart = round(_NEIGHBOUR / float(_NOISE_GRID[1] - _NOISE_GRID[0]))
+    apart = round(_NEIGHBOUR / float(RESISTANCE_GRID[1] - RESISTANCE_GRID[0]))
     shared = np.diag(error, apart) + floor_V2 * np.exp(-_NEIGHBOUR / _MODEL_LENGTH)
     correlation = shared / np.sqrt((variance[apart:] + floor_V2) * (variance[:-apart] + floor_V2))
     length = -_NEIGHBOUR / np.log(np.clip(np.median(correlation), 0.2, 0.95))
@@ -282,7 +282,7 @@ def _curve_error(battery: Battery, p: Unknowns, covariance: np.ndarray) -> tuple
 
 def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
     """Error of the SoC axis, from that of the curve where it is steep."""
-    slope_V = mean_slope_V(battery.thevenin.ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(battery.thevenin.ocv, RESISTANCE_GRID)
     steep = slope_V >= np.quantile(slope_V, 0.75)
     return float(np.median(curve_V[steep] / slope_V[steep]))
 
@@ -291,7 +291,7 @@ def _share(noise: BatteryNoise, p: Unknowns, std: np.ndarray) -> float | tuple[f
     """Relative error of the overpotential, from the remaining errors of the resistances and the floor."""
     shape = np.square(std[p.places("ohmic", "pair")]).mean()
     before = np.asarray(noise.overpotential_share)
-    found = np.minimum(np.maximum(before, 0.0), np.hypot(_OVERPOTENTIAL_STD, 0.25 * np.sqrt(shape)))
+    found = np.minimum(np.maximum(before, 0.0), np.hypot(OVERPOTENTIAL_STD, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)
 
 
@@ -338,7 +338,7 @@ def known(battery: Battery) -> KnownBattery:
         Normal(battery.capacity_Ah, battery.capacity_Ah * counted_std),
         Normal(ohm, ohm * resistance_std(battery, covariance)),
         Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
-        ocv_std_V(battery, _NOISE_GRID),
+        ocv_std_V(battery, RESISTANCE_GRID),
         len(battery.learnt_logs),
         sum(log.hours for log in battery.learnt_logs),
     )

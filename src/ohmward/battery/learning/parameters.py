@@ -38,8 +38,9 @@ _PAIR_SHARE = 0.5
 #: Error of a coulombic efficiency as a share of what it loses: 1 - 0.97 comes from cells with 1 to 5 %.
 _LOSS_SHARE = 0.6
 
-#: An error of the SoC axis moves a curve by its mean slope over this much SoC to either side.
-_SLOPE_WIDTH = 0.02
+#: Half step of SoC for the slope of the curve, by which an error of the SoC axis moves it: nearly the distance of its
+#: knots, so that the slope has no steps there. With steps the capacity would depend on where the knots lie.
+SLOPE_WIDTH = 0.02
 
 #: Names of the groups for people.
 TITLES = {
@@ -187,9 +188,9 @@ class _Prior(NamedTuple):
 
 
 def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
-    """Slope of the curve [V per unit of SoC] over `_SLOPE_WIDTH` to either side, less at the ends."""
+    """Slope of the curve [V per unit of SoC] over `SLOPE_WIDTH` to either side, less at the ends."""
     degC = ocv.reference_degC
-    low, high = np.clip(soc - _SLOPE_WIDTH, 0.0, 1.0), np.clip(soc + _SLOPE_WIDTH, 0.0, 1.0)
+    low, high = np.clip(soc - SLOPE_WIDTH, 0.0, 1.0), np.clip(soc + SLOPE_WIDTH, 0.0, 1.0)
     return np.asarray((ocv.mean_V(high, degC) - ocv.mean_V(low, degC)) / (high - low))
 
 

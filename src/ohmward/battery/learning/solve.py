@@ -30,6 +30,7 @@ import numpy as np
 from ohmward.battery.chemistries import CHEMISTRIES, Normal
 from ohmward.battery.learning.voltage_model import ChargeAlong, OpenCircuit, VoltageModel
 from ohmward.battery.posterior import (
+    OVERPOTENTIAL_STD,
     Gaussian,
     Unknowns,
     gauss_newton,
@@ -44,9 +45,6 @@ from ohmward.filters.belief import Belief
 
 #: Most steps of the search.
 _MOST_STEPS = 10
-#: Largest share of the overpotential by which the model itself errs; anything above it is the error of the parameters
-#: before they are learnt.
-_LARGEST_SHARE = 0.1
 #: Rounds in which the misfit is found, and factor by which it may still grow.
 _MISFIT_ROUNDS, _SAME_MISFIT = 2, 1.05
 #: Share of the rows that a sensor may have spoilt.
@@ -129,7 +127,7 @@ class PartProblem:
     def about(self, x: np.ndarray, misfit: float) -> PartRows:
         """The rows about the unknowns x (n,); misfit: factor on the variance of the voltages."""
         p, noise = self.model.predict(x), self.model.battery.noise
-        share = np.minimum(noise.overpotential_share_at(p.soc), _LARGEST_SHARE)
+        share = np.minimum(noise.overpotential_share_at(p.soc), OVERPOTENTIAL_STD)
         slope_V = p.voltage_columns[:, self.model.unknowns.group("start soc").start]
         variance_V2 = voltage_variance(noise.voltage_std_V, share, p.over_V2, slope_V)
         residual_V = self.model.samples.voltage_V[self.model.rows] - p.voltage_V

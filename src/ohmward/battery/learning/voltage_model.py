@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.parameters import parameters_of, prior_covariance
+from ohmward.battery.learning.parameters import SLOPE_WIDTH, parameters_of, prior_covariance
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, SOC_UNKNOWN_STD, walk_variance
 from ohmward.battery.models.ocv import correlation, hat, slip_shape
@@ -94,11 +94,6 @@ def file_charge(soc: np.ndarray, log_ratio: float) -> np.ndarray:
     return 1.0 - (1.0 - soc) * np.exp(log_ratio)
 
 
-#: Half step of SoC for the slope of the curve: nearly the distance of its knots, so that the slope has no steps there.
-#: With steps the capacity would depend on where the knots lie.
-_HALF_STEP = 0.02
-
-
 @dataclass(frozen=True, eq=False)
 class OpenCircuit:
     """The curve of a battery with the corrections theta (K,)."""
@@ -134,15 +129,15 @@ class OpenCircuit:
 
     def slope_V(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """Slope of the voltage along the charge [V] (N,)."""
-        above_V, below_V = (self.at(charge + step, temperature_degC) for step in (_HALF_STEP, -_HALF_STEP))
-        return (above_V - below_V) / (2 * _HALF_STEP)
+        above_V, below_V = (self.at(charge + step, temperature_degC) for step in (SLOPE_WIDTH, -SLOPE_WIDTH))
+        return (above_V - below_V) / (2 * SLOPE_WIDTH)
 
     def columns(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """(N, K) derivatives of the voltage by the corrections."""
         group, curve = self.parameters.group, self.model.ocv
         columns = np.zeros((charge.size, self.parameters.size))
         z, degC = self.place.at(charge), temperature_degC
-        steep_V = (curve.mean_V(z + _HALF_STEP, degC) - curve.mean_V(z - _HALF_STEP, degC)) / (2 * _HALF_STEP)
+        steep_V = (curve.mean_V(z + SLOPE_WIDTH, degC) - curve.mean_V(z - SLOPE_WIDTH, degC)) / (2 * SLOPE_WIDTH)
         by_capacity, by_slip = self.place.columns(charge).T
         columns[:, group("capacity")] = (steep_V * by_capacity)[:, None]
         if self.battery.knowledge is None:

@@ -30,6 +30,8 @@ from ohmward.trace import clip, table
 #: Points of a curve that is made from tests, a table or a chemistry, and their grid of SoC.
 OCV_POINTS = 201
 OCV_GRID = np.linspace(0.0, 1.0, OCV_POINTS)
+#: Smallest span of SoC in which points show a curve.
+LEAST_SPAN = 0.2
 
 
 def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:

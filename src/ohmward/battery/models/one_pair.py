@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.thevenin import RESISTANCE_GRID, CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 
-#: Points of SoC, and times after a step, at which a circuit is compared with its equivalent of one pair.
-_SHARE_POINTS, _STEP_TIMES = 21, 60
+#: Number of times after a step at which a circuit is compared with its equivalent of one pair.
+_STEP_TIMES = 60
 #: Keeps a relative difference of two circuits without resistances at 0.
 _NO_OHM = 1e-12
 
@@ -44,7 +44,7 @@ def one_pair_noise(model: Thevenin, noise: BatteryNoise) -> BatteryNoise:
     Its share is the largest relative difference of their responses to a step of current, along SoC; it persists for the
     time constant.
     """
-    alone, soc = one_pair(model), np.linspace(0.0, 1.0, _SHARE_POINTS)
+    alone, soc = one_pair(model), RESISTANCE_GRID
     time_s = np.geomspace(0.1 * min(model.tau_s, default=1.0), 5.0 * max(model.tau_s, default=1.0), _STEP_TIMES)
     response, expected = (step_response_ohm(p, soc, time_s) for p in (alone, model))
     differs = (np.abs(response - expected) / np.maximum(response, _NO_OHM)).max(axis=0)

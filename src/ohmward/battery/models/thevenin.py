@@ -34,8 +34,8 @@ _ROUND = 1e-4
 #: show 2300 to 3200 K at 0.5, 4000 at 0.3, 7500 at 0.2 and 9500 at 0.15.
 EMPTYING_SOC = 0.35
 
-#: Smallest number of points of a corrected resistance along SoC.
-_CORRECTED_POINTS = 21
+#: Grid of SoC on which resistances are fitted, and on which errors are kept.
+RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Corrected time constants stay apart by this factor at least.
 _TAU_RATIO = 1.5
 
@@ -313,7 +313,7 @@ def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
     if not log_ratio.size:
         return ohm
     grid = np.linspace(0.0, 1.0, len(ohm))
-    fine = np.linspace(0.0, 1.0, max(grid.size, _CORRECTED_POINTS))
+    fine = grid if grid.size > RESISTANCE_GRID.size else RESISTANCE_GRID
     return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
 
 
