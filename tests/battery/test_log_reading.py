@@ -7,8 +7,7 @@ import pytest
 
 import ohmward as ow
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.log_check import sign_by_model
-from ohmward.battery.log_reading import read_log_of
+from ohmward.battery.log_check import read_log_of, sign_by_model
 from ohmward.fleet.job import Job
 from ohmward.logs.log import ReadOptions, UnknownSignError
 

@@ -9,7 +9,8 @@ with q the charge counted in the log; a wrong N puts it on a part of the curve w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, sample_limits
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
-from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, Progress, ReadOptions, TableFile, UnknownSignError
 from ohmward.runs import long_runs, where_known, window_starts
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
@@ -183,6 +184,39 @@ def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
     likely: CurrentSign = min(error_V, key=lambda sign: error_V[sign])
     least_V, other_V = sorted(error_V.values())
     return likely if least_V < _CELL_ERROR_V and other_V > max(_TIMES_WORSE * least_V, _WRONG_V) else None
+
+
+def read_log_of(
+    battery: Battery | None,
+    text: str,
+    reading: ReadOptions,
+    extra: Collection[str] | None = None,
+    progress: Progress | None = None,
+    file: TableFile | None = None,
+) -> Log:
+    """Read the log of a battery by `ReadOptions.read`; if its data do not show the sign, the battery file does.
+
+    Other logs never do: a log has the same current whatever is read with it.
+
+    battery: of the log; None if it is not known.
+
+    Raises:
+        UnknownSignError: neither shows the sign.
+        InputError, OhmwardError: as in `ReadOptions.read`.
+    """
+    try:
+        return reading.read(text, extra, progress, file)
+    except UnknownSignError as error:
+        if error.is_lost or battery is None:
+            raise
+        log = replace(reading, current_sign="charge").read(text, extra, progress, file)
+        sign = sign_by_model(log, battery)
+        if sign is None:
+            raise
+        by = "according to the battery file: the other sign explains the voltage worse"
+        note = Note(f"positive current {sign}s the battery, {by}; its own data do not show it")
+        notes = tuple(note for note in log.notes if not note.text.startswith("positive current "))
+        return replace(log, current_A=log.current_A if sign == "charge" else 0.0 - log.current_A, notes=(*notes, note))
 
 
 def cell_error_V(

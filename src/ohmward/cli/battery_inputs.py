@@ -13,8 +13,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.file import load_battery
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
-from ohmward.battery.log_check import check_log
-from ohmward.battery.log_reading import read_log_of
+from ohmward.battery.log_check import check_log, read_log_of
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator

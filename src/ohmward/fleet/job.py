@@ -21,8 +21,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, save_battery
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 from ohmward.battery.learning.on_board import learnt_on_board
-from ohmward.battery.log_check import check_log
-from ohmward.battery.log_reading import read_log_of
+from ohmward.battery.log_check import check_log, read_log_of
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.exchange_watch import exchange_notes
 from ohmward.battery.soc.fit_check import misfits

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
-from ohmward.battery.log_reading import read_log_of
+from ohmward.battery.log_check import read_log_of
 from ohmward.errors import InputError
 from ohmward.fleet.run import digest_of, file_name, fingerprint, read_rows, write_rows
 from ohmward.logs.battery_columns import serial_column
