@@ -7,9 +7,8 @@ import pytest
 
 from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
-from ohmward.battery.identification.circuit_design import Rates, block
 from ohmward.battery.identification.circuit_fit import circuit_of, fit_circuit
-from ohmward.battery.identification.circuit_solve import solve
+from ohmward.battery.identification.circuit_solve import Rates, block, solve
 from ohmward.battery.identification.identify import cells_transfer_V, try_transfer
 
 TRANSFER_V = cells_transfer_V(25.0, 1)

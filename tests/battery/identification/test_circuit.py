@@ -8,16 +8,18 @@ import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
-from ohmward.battery.identification.circuit_design import (
+from ohmward.battery.identification.circuit_fit import circuit_of, curve_notes, fit_circuit
+from ohmward.battery.identification.circuit_solve import (
     RESISTANCE_GRID,
+    CircuitProblem,
     Rates,
     RecordColumns,
     block,
     circuit_unknowns,
+    last_direction,
     ocv_precision,
+    solve,
 )
-from ohmward.battery.identification.circuit_fit import circuit_of, curve_notes, fit_circuit
-from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
 from ohmward.battery.identification.circuit_uncertainty import (
     confidence_intervals,
     held_out_V,

@@ -11,8 +11,8 @@ from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
-from ohmward.battery.identification.circuit_design import block
 from ohmward.battery.identification.circuit_fit import circuit_of, fit_circuit
+from ohmward.battery.identification.circuit_solve import block
 from ohmward.battery.identification.circuit_uncertainty import (
     activation_std_K,
     confidence_intervals,

@@ -12,8 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import Rates, block, covered
-from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
+from ohmward.battery.identification.circuit_solve import (
+    CircuitProblem,
+    CircuitSolution,
+    Rates,
+    block,
+    covered,
+    solve,
+)
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_logs import smooth
 from ohmward.battery.identification.record import Record, find_rests
@@ -41,10 +47,11 @@ _STARTS: dict[int, tuple[tuple[float, ...], ...]] = {
 
 
 class CircuitFit(NamedTuple):
-    """The best solution, and the covariance (n, n) of its search parameters."""
+    """The best solution of a search over the parameters theta."""
 
     solution: CircuitSolution
-    search_cov: np.ndarray
+    theta: np.ndarray  #: (n,) see `_to_search`
+    search_cov: np.ndarray  #: (n, n) their covariance
 
     def search_std(self, name: str) -> float:
         """Standard deviation of a rate that was sought: of its logarithm, or in its unit."""
@@ -92,33 +99,27 @@ def fit_circuit(
         searches.append(_search(problem, pairs, start, (low, high)))
         report(0.3 + 0.25 * (k + 1))
     best = min(searches, key=lambda s: s.solution.score)
-    solution, _, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
+    found = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
-    search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
-    return CircuitFit(solution, search_cov)
+    return found
 
 
-class Search(NamedTuple):
-    """End of a search: its solution, search parameters (n,) and the Jacobian (M, n) of the weighted residuals."""
-
-    solution: CircuitSolution
-    theta: np.ndarray
-    jacobian: np.ndarray
-
-
-def _search(problem: CircuitProblem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> Search:
+def _search(
+    problem: CircuitProblem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]
+) -> CircuitFit:
     """Least squares over the search parameters, with the weights that outlying samples have at the start."""
     least_squares = require("scipy.optimize", "identification").least_squares
 
     first = solve(problem, _to_rates(start, problem, pairs))
     if not start.size:
-        return Search(first, start, np.zeros((1, 0)))
+        return CircuitFit(first, start, np.zeros((0, 0)))
 
     def residuals(theta: np.ndarray) -> np.ndarray:
         return solve(problem, _to_rates(theta, problem, pairs), first).weighted
 
     found = least_squares(residuals, start, bounds=bounds, diff_step=_STEP, x_scale=0.3, max_nfev=_EVALUATIONS)
-    return Search(solve(problem, _to_rates(found.x, problem, pairs)), found.x, found.jac)
+    search_cov = np.linalg.pinv(found.jac.T @ found.jac)  # a parameter without an effect has no inverse
+    return CircuitFit(solve(problem, _to_rates(found.x, problem, pairs)), found.x, search_cov)
 
 
 def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[np.ndarray]:

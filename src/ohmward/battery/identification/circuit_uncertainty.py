@@ -12,18 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import ConfidenceInterval
-from ohmward.battery.identification.circuit_design import (
+from ohmward.battery.identification.circuit_fit import CircuitFit, levelled_V
+from ohmward.battery.identification.circuit_solve import (
     COVERED_RATE,
+    CircuitProblem,
+    CircuitSolution,
     block,
     covered,
     entropy_std,
-    pair_names,
-)
-from ohmward.battery.identification.circuit_fit import CircuitFit, levelled_V
-from ohmward.battery.identification.circuit_solve import (
-    CircuitProblem,
-    CircuitSolution,
     error_factor,
+    pair_names,
 )
 from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along
 from ohmward.battery.identification.record import SETTLED_REST_S, Record
