@@ -5,7 +5,7 @@ The noise is the residual of the fit and, where there were no data, its posterio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ from ohmward.battery.identification.circuit_solve import (
 )
 from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along
 from ohmward.battery.identification.record import SETTLED_REST_S, Record
-from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
+from ohmward.battery.models.noise import AGED_CAPACITY_STD, AGED_RESISTANCE_STD, BatteryNoise
 from ohmward.battery.models.ocv import hat
 from ohmward.battery.models.thevenin import RESISTANCE_GRID, Thevenin
 from ohmward.battery.posterior import (
@@ -309,7 +309,7 @@ def noise_from_fit(
     pulses_only: bool,
     anchors_std: float,
     longest_rest_s: float,
-    whole_curve: bool = False,
+    measured: Collection[str],
 ) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
@@ -317,7 +317,7 @@ def noise_from_fit(
     small where there were data and grows where there were none.
     pulses_only: no log has a lasting load; anchors_std: error of the SoC to which the logs are tied.
     longest_rest_s: of all logs.
-    whole_curve: low-rate tests of both directions have shown the open-circuit voltage from full to empty.
+    measured: directions in which a low-rate test has shown the open-circuit voltage from full to empty.
     """
     solution = fit.solution
     problem = solution.problem
@@ -330,7 +330,7 @@ def noise_from_fit(
     loaded_V, rested_V = posterior_std_V(solution, typical_A), posterior_std_V(solution, 0.0)
     posterior_V = beyond_axis_V(np.maximum(loaded_V, rested_V), p.ocv, axis_std)
     unvisited_V = volts * unvisited_std_V(problem)
-    if whole_curve:
+    if len(measured) == 2:
         unvisited_V = np.minimum(unvisited_V, volts * _UNVISITED_ON_BRANCHES_STD_V)
     posterior_V = np.maximum(posterior_V, unvisited_V)
     if longest_rest_s < SETTLED_REST_S:
@@ -350,7 +350,9 @@ def noise_from_fit(
         level_std_V=float(model_V.min()),
         overpotential_share=overpotential_share(solution, p, np.nan_to_num(residual_V), least_share),
         correlation_s=max(correlation_s(solution), relaxation_s),
+        capacity_std=AGED_CAPACITY_STD,
         resistance_std=AGED_RESISTANCE_STD,
+        ageing_correlation=problem.prior.ageing_correlation[bool(measured)],
         activation_std_K=activation_std_K(fit),
         empty_activation_std_K=problem.prior.empty_activation_K.std,
         ocv_std_V_per_K=ocv_std_V_per_K(fit),

@@ -66,7 +66,7 @@ from ohmward.battery.identification.log_details import (
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, axis_std
-from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_sensor
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
@@ -241,19 +241,16 @@ def _noise(
     model: Thevenin,
     details: Sequence[LogDetails],
 ) -> BatteryNoise:
-    """The noise of the fit, with the errors of ageing and the day on which the capacity was known."""
+    """The noise of the fit, with the day on which the capacity was known."""
     fitted = prepared.first.fitted
-    measured = {branch.direction for branch in prepared.first.branches if branch.complete}
     noise = noise_from_fit(
         fit,
         model,
         pulses_only=all(record.test == "pulses" for record in fitted),
         anchors_std=axis_std(fitted, prepared.axes),
         longest_rest_s=longest_rest_s(fitted),
-        whole_curve=len(measured) == 2,
+        measured={branch.direction for branch in prepared.first.branches if branch.complete},
     )
-    correlation = fit.solution.problem.prior.ageing_correlation[bool(measured)]
-    noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     return _with_known_capacity(noise, prepared, settings.capacity_Ah, details)
 
 
