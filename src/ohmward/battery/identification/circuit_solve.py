@@ -217,12 +217,15 @@ def resistance_prior(prior: ChemistryPrior, unknowns: Unknowns, levels: np.ndarr
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected shape along SoC, about 1.
     """
     precision, information = np.zeros((unknowns.size, unknowns.size)), np.zeros(unknowns.size)
-    for j in range(levels.size):
-        add_rows(precision, block(j), _walk(prior, levels[j]) / shapes[j])
+    differences = np.diff(np.eye(RESISTANCE_GRID.size), axis=0)
+    for j, level in enumerate(levels):
+        at, std = block(j), prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
+        walk = differences / std[:, None] / shapes[j]
+        precision[at, at] += walk.T @ walk
         if j != 1:
-            row = 1 / (levels[j] * RESISTANCE_GRID.size * shapes[j])
-            add_rows(precision, block(j), row[None, :])
-            information[block(j)] += row
+            row = 1 / (level * RESISTANCE_GRID.size * shapes[j])
+            precision[at, at] += np.outer(row, row)
+            information[at] += row
     tie = np.eye(RESISTANCE_GRID.size) / (prior.direction_share * levels[0]) ** 2
     for one, other in ((block(0), block(1)), (block(1), block(0))):
         precision[one, one] += tie
@@ -247,17 +250,6 @@ def entropy_std(prior: ChemistryPrior, ocv: OcvCurve, volts: float) -> float:
     """
     usual = volts * prior.ocv_std_V_per_K
     return ENTROPY_SHARE * usual if any(ocv.temperature_V_per_K) else usual
-
-
-def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
-    """Add the precision of `rows` @ x[where] ~ N(., 1) to precision (K, K), in place."""
-    precision[where, where] += rows.T @ rows
-
-
-def _walk(prior: ChemistryPrior, level: float) -> np.ndarray:
-    """(20, 21) differences of neighbouring grid points over their standard deviation."""
-    std = prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
-    return np.diff(np.eye(RESISTANCE_GRID.size), axis=0) / std[:, None]
 
 
 #: Error of the model and the sensor in a sample of a lithium-ion cell [V].
