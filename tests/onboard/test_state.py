@@ -425,6 +425,23 @@ def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
     changed.close()
 
 
+@pytest.mark.parametrize("board", ["other", "same"])
+def test_the_state_on_a_copied_disk_is_named_and_not_believed(tmp_path, battery, monkeypatch, board):
+    """A system that was installed again on the same board has the same battery."""
+    save_battery(battery, given := tmp_path / "given.toml")
+    monkeypatch.setattr("ohmward.onboard.state_folder.computer", lambda: {"board": "same", "system": "a"})
+    first = folder(tmp_path / "state", FakeClock(), learn=True)
+    first.write(driven(first.battery(str(given))), 1300.0)
+    first.close()
+    monkeypatch.setattr("ohmward.onboard.state_folder.computer", lambda: {"board": board, "system": "b"})
+    second, after = folder(tmp_path / "state", FakeClock(), learn=True), Estimation(battery)
+    second.begin(after)
+    second.close()
+    assert (tmp_path / "state" / LEARNT).exists() == bool(second.before) == (board == "same")
+    assert any("of another computer" in note for note in second.notes) == (board == "other")
+    assert after.soc and (after.soc.state is None) == (board == "other")
+
+
 def test_a_disk_that_is_full_by_now_keeps_no_known_battery_from_starting(tmp_path, battery, monkeypatch):
     save_battery(battery, given := tmp_path / "given.toml")
     first = folder(tmp_path / "state", FakeClock(), learn=True)

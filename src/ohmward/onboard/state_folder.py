@@ -27,7 +27,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ohmward.atomic import held_folder, write_text
+from ohmward.atomic import back_up, held_folder, write_text
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning.on_board import learnt_on_board
@@ -49,6 +49,9 @@ SNAPSHOT_S = 5.0
 
 #: Time between two consumption tables, and between two learnt battery files.
 TABLE_S, LEARNT_S = 60.0, 3600.0
+
+#: What identifies a computer: its board, which a copied disk does not bring along, and its system.
+_COMPUTER = (Path("/proc/device-tree/serial-number"), Path("/sys/class/dmi/id/product_uuid"), Path("/etc/machine-id"))
 
 IN_USE, LEARNT, CONSUMPTION = "battery.toml", "battery-learnt.toml", "consumption.toml"
 GIVEN = "battery-given.txt"
@@ -83,6 +86,7 @@ class StateFolder:
         self.notes = [note] if note else []
         if self.before and self.before.get("live", True) != live:
             self._start_over()
+        self._leave_other_computer()
         self.away_s = self._away_s()
         self._swaps = 0
 
@@ -185,11 +189,24 @@ class StateFolder:
         self.before = {}
         self.notes.append(f"{self.path} is the state of a replay or a simulation: the robot starts afresh")
 
+    def _leave_other_computer(self) -> None:
+        """Discard the state of another computer, and with it what was learnt of a battery: its disk was copied."""
+        before, now = self.before.get("computer"), computer()
+        shared = [key for key in now if isinstance(before, dict) and key in before]
+        if not (isinstance(before, dict) and shared) or before[shared[0]] == now[shared[0]]:
+            return
+        self.before = {}
+        backups = [back_up(self.path / name) for name in (IN_USE, LEARNT)]
+        self._forget_learnt()
+        fix = "".join(f"; if only the computer is new: battery = {str(path)!r}" for path in backups[-1:] if path)
+        self.notes.append(
+            f"{self.path} is of another computer, as on a copied disk: battery and totals start afresh{fix}"
+        )
+
     def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
-        clocks = {"boot": boot_id(), "monotonic_s": self._since_boot_s(), "unix_s": self.clock.unix_s()}
-        clocks["live"] = self.live
+        origin = {"boot": boot_id(), "monotonic_s": self._since_boot_s(), "unix_s": self.clock.unix_s()}
         found = remember(estimation, now_s)
-        return found | clocks if found else {}
+        return found | origin | {"live": self.live, "computer": computer()} if found else {}
 
     def _write_snapshot(self, content: dict[str, object]) -> None:
         if content:
@@ -226,6 +243,15 @@ class StateFolder:
         away_s = self.clock.unix_s() - before_s
         is_known = self.clock.is_set() and before_s >= FIRST_DATE_S
         return away_s if is_known and 0.0 < away_s < math.inf else math.nan
+
+
+def computer() -> dict[str, str]:
+    """Digests of what identifies this computer, the surest first; empty if the system tells nothing."""
+    found = {}
+    for path in _COMPUTER:
+        with suppress(OSError):
+            found[path.name] = hashlib.sha256(path.read_bytes().strip(b"\0\n")).hexdigest()[:16]
+    return found
 
 
 def boot_id() -> str:
