@@ -409,6 +409,18 @@ def test_late_values_and_clocks_that_were_set_are_named(battery):
     assert {d.level for d in watch.look(70.1)} == {Level.OK}
 
 
+def test_a_publisher_whose_stamps_are_always_behind_is_named_beside_one_in_time(battery):
+    watch = SensorWatch(battery)
+    for k in range(20):
+        watch.take("ros2", 0.1 * k, 0.1 * k, {"battery_current_A": -1.0 - 0.01 * k}, "/bms", behind_s=3.0)
+        watch.take("ros2", 0.1 * k, 0.1 * k, {"yaw_rate_rad_s": 0.01 * k}, "/imu")
+    found = {d.name: d for d in watch.look(2.0)}["delay of ros2"]
+    assert found.level == Level.WARN and found.values["delay_s"] == pytest.approx(3.0)
+    assert found.message.startswith("stamps of /bms of ros2 are always behind")
+    watch.take("ros2", 30.0, 30.0, {"yaw_rate_rad_s": 0.3}, "/imu")  # the other one is silent by now
+    assert {d.name: d for d in watch.look(30.0)}["delay of ros2"].level == Level.OK
+
+
 def test_names_without_end_do_not_fill_memory(battery):
     watch = SensorWatch(battery)
     watch.take("robot", 0.0, 0.0, {"battery_voltage_V": 13.0})

@@ -23,6 +23,9 @@ from ohmward.onboard.message import Message
 #: If a stamp leaps relative to its receipt by more than this, the source has restarted or its clock was set.
 LEAP_S = 1.0
 
+#: A stamp further from now is from another clock, such as one that starts with a board, and is no date [s].
+DATED_S = 60.0
+
 #: Window over which the smallest delay counts. Crystals drift by 200 ppm at most: 6 ms in that time; a link that has
 #: become slower for good is followed after this time.
 DELAY_WINDOW_S = 30.0

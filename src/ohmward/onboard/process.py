@@ -20,7 +20,7 @@ from ohmward.battery.soc.exchange_watch import ANOTHER_IS_IN
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
-from ohmward.onboard.clock import LEAP_S, Arrival, Arrivals, SystemClock
+from ohmward.onboard.clock import DATED_S, LEAP_S, Arrival, Arrivals, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.feed import Feed
@@ -240,9 +240,13 @@ class Process:
             self._dates[time_s] = message.date_s
             if len(self._dates) > DATES:
                 del self._dates[next(iter(self._dates))]
+        behind_s = self.clock.unix_s() - (self.clock.now_s() - message.received_s) - message.stamp_s
         if message.source in self._own:
-            self._calendar_s = message.date_s - time_s
-        values = self.watch.take(message.source, time_s, message.received_s, message.values, message.publisher)
+            self._calendar_s, behind_s = message.date_s - time_s, 0.0
+        behind_s = behind_s if abs(behind_s) < DATED_S else 0.0
+        values = self.watch.take(
+            message.source, time_s, message.received_s, message.values, message.publisher, behind_s
+        )
         if clock_was_set:
             self.watch.clock_was_set(message.source, message.received_s)
         return values

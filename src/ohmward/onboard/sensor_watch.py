@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -63,8 +64,9 @@ PROMISED_S = 5.0
 #: Time after a source's first message at which a declared signal is missed: slow sensors need a while.
 MISSED_S = 30.0
 
-#: A source is late if its values are older than this when they arrive.
-LATE_S = 0.5
+#: Values are late if they are older than this when they arrive, or if their stamps are always further behind our clock
+#: than two clocks set by the network differ; those of other publishers count for so long [s].
+LATE_S, BEHIND_S, LATE_FOR_S = 0.5, 1.0, 10.0
 
 #: Most signals watched: enough for a pack of hundreds of cells; a source that invents names must not fill the memory.
 MOST_SENSORS = 1000
@@ -242,13 +244,21 @@ class WatchedSensor:
         return self.signal.partition(".")[0] in _MOVES and abs(self.value) > _NOT_AT_REST * self.usual
 
 
+class _Delay(NamedTuple):
+    """Delay of a message after its measurement."""
+
+    received_s: float
+    delay_s: float  #: against the least delayed one of its publisher
+    behind_s: float  #: of its stamp against the wall clock of this machine, 0 where they are not comparable
+
+
 @dataclass
 class Delivery:
     """Messages of one source."""
 
     signals: frozenset[str] = frozenset()  #: signals that it declares
     first_s: float = math.inf  #: receipt of the first message
-    delay_s: float = 0.0  #: delay of the last message
+    last: dict[str, _Delay] = field(default_factory=dict)  #: delay of the last message of each publisher
     step_s: float = -math.inf  #: time at which the source's clock was last set
 
 
@@ -286,12 +296,22 @@ class SensorWatch:
         return found
 
     def take(
-        self, source: str, time_s: float, received_s: float, values: Mapping[str, float], publisher: str = ""
+        self,
+        source: str,
+        time_s: float,
+        received_s: float,
+        values: Mapping[str, float],
+        publisher: str = "",
+        behind_s: float = 0.0,
     ) -> dict[str, float]:
-        """Values of a message that may be used, nan for invalid ones; doubled ones are left out."""
+        """Values of a message that may be used, nan for invalid ones; doubled ones are left out.
+
+        behind_s: of its stamp, see `_Delay`.
+        """
         delivery = self.sources.setdefault(source, Delivery())
         delivery.first_s = min(delivery.first_s, received_s)
-        delivery.delay_s = received_s - time_s
+        known = publisher if publisher in delivery.last or len(delivery.last) < MOST_SENSORS else ""
+        delivery.last[known] = _Delay(received_s, received_s - time_s, behind_s)
         clean = {}
         for signal, value in values.items():
             if (sensor := self.sensors.get(signal) or self._first(signal, source, publisher)) is None:
@@ -358,13 +378,7 @@ class SensorWatch:
             yield Diagnostic(f"clock of {name}", Level.WARN, "was set; its times count from there")
         elif delivery.step_s > -math.inf:
             yield Diagnostic(f"clock of {name}", Level.OK, "goes on")
-        late = delivery.delay_s > LATE_S
-        yield Diagnostic(
-            f"delay of {name}",
-            Level.WARN if late else Level.OK,
-            "its values come late; look at the link" if late else "in time",
-            {"delay_s": delivery.delay_s},
-        )
+        yield _delay_of(name, delivery.last)
         if now_s - delivery.first_s >= MISSED_S:
             for signal in sorted(delivery.signals - self.sensors.keys()):
                 came = f"has not come from {name} for {MISSED_S:.0f} s"
@@ -485,6 +499,21 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.is_of_no_sensor:
         return Level.OK, f"0 degC from {sensor.source} so far, without any change: no sensor, left out"
     return Level.OK, f"reports, from {sensor.source}"
+
+
+def _delay_of(source: str, last: Mapping[str, _Delay]) -> Diagnostic:
+    """Condition of the delays of a source: that of the latest of its publishers which are heard at present."""
+    newest_s = max((one.received_s for one in last.values()), default=math.nan)
+    heard = {name: one for name, one in last.items() if newest_s - one.received_s <= LATE_FOR_S}
+    latest = max(heard, key=lambda name: max(heard[name].delay_s, heard[name].behind_s), default="")
+    _, delay_s, behind_s = heard.get(latest, _Delay(newest_s, 0.0, 0.0))
+    level, message = Level.OK, "in time"
+    if delay_s > LATE_S:
+        level, message = Level.WARN, f"values of {sender(source, latest)} come late; look at the link"
+    elif behind_s > BEHIND_S:
+        behind = f"stamps of {sender(source, latest)} are always behind our clock: they come late, or theirs is wrong"
+        level, message = Level.WARN, f"{behind}; look at the link, and set both clocks by the network"
+    return Diagnostic(f"delay of {source}", level, message, {"delay_s": max(delay_s, behind_s)})
 
 
 def _fix(sentence: str) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.checks import require_length
 from ohmward.errors import InputError
 from ohmward.logs.bags.recording import Layout
-from ohmward.onboard.clock import LEAP_S
+from ohmward.onboard.clock import DATED_S, LEAP_S
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read, read_path
@@ -38,8 +38,6 @@ TOPICS = {
 _WAY_CHECK_S = 1.0
 #: Words in the names of joints that do not identify the wheel.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
-#: A stamp further from now is from another clock, such as one that starts with a board, and is no date [s].
-DATED_S = 60.0
 #: Largest delay of /clock [s of its own time].
 _CLOCK_LATE_S = 5.0
 #: Services below the name of the node, of type `std_srvs/Trigger`: name, event that it reports, and answer.
