@@ -6,7 +6,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.wiring_check import Recorder, check_wheels, check_wiring
+from ohmward.onboard.wiring_check import CurrentCheck, Recorder, SignalRecord, check_wheels, check_wiring
 from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
@@ -142,6 +142,20 @@ def test_a_source_that_sent_nothing_is_one_finding(battery, signals):
 def test_a_passive_wheel_has_no_motor(battery):
     found = findings(lambda values: values | {"motor_current_A.3": 0.0}, battery)
     assert found == {"motor_current_A.3": f"the robot has no such motor; it has {', '.join(PLACES[: RLMA.driven])}"}
+
+
+@pytest.mark.parametrize(("recent", "after_s", "named"), [(False, 0.0, True), (True, 20.0, False), (True, 40.0, True)])
+def test_a_wrong_sign_in_small_changes_alone_is_named_live_once_two_records_show_it(battery, recent, after_s, named):
+    rng, check = np.random.default_rng(1), CurrentCheck(battery, recent)
+    current_A = -5.0 + 0.05 * rng.normal(size=1500)
+    times_s = 0.05 * np.arange(current_A.size)
+    values = {"battery_current_A": current_A, "battery_voltage_V": 13.0 - 0.05 * current_A}
+    for begin_s in (0.0, after_s):
+        of_record = (times_s >= begin_s) & (times_s < begin_s + 30.0)
+        found = check.findings(
+            {s: SignalRecord(("can0",), times_s[of_record], v[of_record]) for s, v in values.items()}
+        )
+    assert [finding.level for finding in found] == [Level.ERROR] * named
 
 
 def test_a_robot_that_brakes_while_it_is_listened_to_has_no_wrong_sign(battery):

@@ -282,7 +282,7 @@ class SensorWatch:
         self._missed: set[str] = set()
         self._evidence: dict[str, list[WatchedSensor]] = {name: [] for name in EVIDENCE}
         self._recent, self._compared_s = Recorder(recent=True), -math.inf
-        self._current = CurrentCheck(self.battery) if self.battery else None
+        self._current = CurrentCheck(self.battery, recent=True) if self.battery else None
         self._wrong: dict[str, dict[str, str]] = {}  #: contradictions of the "current" and of the "wheels"
         self._together: set[str] = set()  #: names of those that are of several signals together
 

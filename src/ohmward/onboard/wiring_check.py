@@ -200,13 +200,15 @@ class CurrentCheck:
 
     Args:
         battery: battery of the file.
+        recent: the records are of the last seconds, again and again: what only noise may show must be shown twice.
 
     Attributes:
         usual_ohm: resistance that the samples checked so far have shown, nan before the first.
     """
 
-    def __init__(self, battery: Battery):
-        self.usual_ohm = math.nan
+    def __init__(self, battery: Battery, recent: bool = False):
+        self.usual_ohm, self._recent = math.nan, recent
+        self._contradicted_s = math.nan  # when small changes first showed a wrong sign
         self._alike = 0
         self._limits_V = limits_of("battery_voltage_V", battery)
         self._model = battery.thevenin
@@ -222,6 +224,13 @@ class CurrentCheck:
             current = current._replace(time_s=current.time_s[jumps[-1] + 1 :], values=current.values[jumps[-1] + 1 :])
             answered_V = answered_V[jumps[-1] + 1 :]
         evidence = sign_evidence(current.time_s, current.values, answered_V)
+        if evidence.verdict != "undecidable" and evidence.changes >= 0:
+            self._contradicted_s = math.nan
+        elif self._recent and evidence.changes < 0:
+            if math.isnan(self._contradicted_s):
+                self._contradicted_s = current.time_s[-1]
+            if current.time_s[0] < self._contradicted_s:
+                return []
         measured_ohm = abs(evidence.edges.resistance_ohm) if evidence.edges.sign else math.nan
         if not (
             current.rate_hz * _ALIKE_S >= 1.0 and self._limits_V.lowest <= voltage.median <= self._limits_V.highest
