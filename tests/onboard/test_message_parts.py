@@ -2,7 +2,7 @@
 
 import math
 
-from ohmward.onboard.message import MOST_KINDS, MessageSorter
+from ohmward.onboard.message import MOST_KINDS, MessageSorter, ScaledSignal, Wiring
 from ohmward.traction.robot.packaged import RLMA
 
 
@@ -25,6 +25,13 @@ def test_what_the_robot_does_not_have_is_passed_over():
     assert parts.reported == ("estimate.soc",)
     assert MessageSorter(RLMA, counted=True).parts(values).drive_message(values)["wheel_counts"][0] == 7.0
     assert not MessageSorter(None, counted=True).parts(values).drive
+
+
+def test_a_sum_is_measured_whenever_each_of_its_numbers_has_come_again():
+    wiring = Wiring({"battery_current_A": ScaledSignal("a + b", -0.001, 2.0), "battery_voltage_V": "a.U"})
+    found = [wiring.values(numbers) for numbers in ({"a": 1e3, "a.U": 12.0}, {"a": 2e3}, {"b": 3e3}, {"b": 1e3})]
+    assert found == [{"battery_voltage_V": 12.0}, {}, {"battery_current_A": -3.0}, {}]
+    assert wiring.values({"a": None})["battery_current_A"] != 0.0
 
 
 def test_kinds_of_messages_do_not_fill_memory():

@@ -74,8 +74,15 @@ def signal_line(quantity: str, signal: ScaledSignal) -> str:
 Signals = dict[str, str | ScaledSignal]
 
 
+#: Between the names of numbers that are added.
+PLUS = " + "
+
+
 class Wiring:
     """The signals of a source, looked up by the names that the source gives them.
+
+    A signal whose name is "A + B" is the sum of these numbers, as of the currents of batteries in parallel: it is
+    measured whenever each of them has come again.
 
     Args:
         signals: as in the settings of the source.
@@ -86,10 +93,15 @@ class Wiring:
 
     def __init__(self, signals: Signals):
         self.signals: dict[str, list[tuple[str, float, float]]] = {}
+        self.sums: dict[str, dict[str, float]] = {}  #: quantity that is a sum -> its numbers, inf before they come
         for quantity, given in signals.items():
             quantity_of(quantity)
             signal = given if isinstance(given, ScaledSignal) else ScaledSignal(given)
-            self.signals.setdefault(signal.name, []).append((quantity, signal.scale, signal.offset))
+            parts = signal.name.split(PLUS)
+            for name in parts:
+                self.signals.setdefault(name, []).append((quantity, signal.scale, signal.offset / len(parts)))
+            if len(parts) > 1:
+                self.sums[quantity] = dict.fromkeys(parts, math.inf)
 
     def values(self, numbers: Mapping[str, object]) -> dict[str, float]:
         """Quantities from a source's numbers by its own names; nan for what is no number, unknown names left out."""
@@ -97,6 +109,11 @@ class Wiring:
         for name, number in numbers.items():
             for quantity, scale, offset in self.signals.get(name, ()):
                 found[quantity] = scale * as_number(number) + offset
+                if parts := self.sums.get(quantity):
+                    parts[name] = found.pop(quantity)
+                    if math.inf not in parts.values():
+                        found[quantity] = sum(parts.values())
+                        parts.update(dict.fromkeys(parts, math.inf))
         return found
 
 

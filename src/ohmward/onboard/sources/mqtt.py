@@ -68,4 +68,5 @@ class MqttSource(MqttBroker):
         if self.topics:
             values = own_names(found) | values
         stamp_s = as_number(found.get(self.time, math.nan))
-        return Message(stamp_s, received_s, self.name, values, topic) if values else None
+        publisher = "" if wiring.sums.keys() & values.keys() else topic
+        return Message(stamp_s, received_s, self.name, values, publisher) if values else None
