@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ohmward.battery.soc.sample import SocFlag
 from ohmward.checks import require_between
 from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import Alarm, RobotState, is_charging, soc_band, stale
 
-#: Width beyond which the 95 % band of the charge is of no use to an operator, and what then helps.
-ANYTHING, NOT_KNOWN = 0.6, "The charge is not known: charge the battery fully once."
+#: Width beyond which the 95 % band of the charge is of no use to an operator.
+ANYTHING = 0.6
 
 #: Names of the alarms.
 _MOST_URGENT_FIRST = ("stuck", "bms", "empty", "low", "charge", "home", "cells", "slip")
@@ -103,8 +104,7 @@ class AlarmWatch:
         if charges:
             low = home = math.inf
         if limits.charge:
-            text = f"The charge is not known: {stale(state)}." if state.is_silent("battery") else NOT_KNOWN
-            found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, text
+            found["charge"] = width_of_charge(state) - ANYTHING, hysteresis, not_known(state)
             if charges and not state.is_silent("battery"):
                 found["charge"] = -math.inf, hysteresis, ""
         found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
@@ -120,6 +120,16 @@ class AlarmWatch:
             ratio = float(np.max(np.abs(np.nan_to_num(state.slip.slip_ratio)), initial=0.0))
             found["slip"] = ratio - limits.slip_ratio, hysteresis, f"A wheel slips by {100 * ratio:.0f} %."
         return found
+
+
+def not_known(state: RobotState) -> str:
+    """Sentence on a charge that is not known, with what helps."""
+    reason = "charge the battery fully once"
+    if state.is_silent("battery"):
+        reason = stale(state)
+    elif state.battery and int(state.battery.flags) & SocFlag.NO_CURRENT:
+        reason = "its current is not measured"
+    return f"The charge is not known: {reason}."
 
 
 def width_of_charge(state: RobotState) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.filters.consistency import BAND_95, ELLIPSE_95
 from ohmward.json_values import plain
-from ohmward.onboard.alarms import ANYTHING, NOT_KNOWN, width_of_charge
+from ohmward.onboard.alarms import ANYTHING, not_known, width_of_charge
 from ohmward.onboard.robot_state import Level, RobotState, Totals, is_charging, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 from ohmward.traction.speed_observer.estimate import SlipFlag
@@ -54,7 +54,7 @@ def advice(state: RobotState) -> str:
         return state.alarms[0].text
     if state.battery is None or is_charging(state.sample.get("battery_current_A", 0.0), state.battery):
         return ""
-    return NOT_KNOWN if width_of_charge(state) > ANYTHING else ""
+    return not_known(state) if width_of_charge(state) > ANYTHING else ""
 
 
 def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...]:
