@@ -18,12 +18,13 @@ import pytest
 from cli.test_docs import listed
 from logs.bags.examples import TYPE, joint_states, payloads, twists, write_mcap
 from ohmward.cli.main import main
-from ohmward.onboard.recognition import Answers, Offered, recognise
+from ohmward.onboard.recognition import Answers, Offered, ask_wheels, recognise, short_name
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import RobotState, plain_state
 from ohmward.onboard.serial_frame import SerialFrame, encode
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources.serial import SerialSource
+from ohmward.traction.robot.packaged import load_robot
 from onboard.servers import mosquitto
 
 BATTERY = ("--chemistry", "lfp", "--capacity-ah", "40", "--n-series", "8")
@@ -155,6 +156,34 @@ def test_a_unit_is_asked_for_where_the_values_cannot_be_in_that_of_the_quantity(
         question.example for question in recognise([heard], None, Answers()).questions if "unit" in question.option
     ]
     assert asked == ([f"voltage={unit}"] if unit else [])
+
+
+def test_numbers_that_are_all_called_value_have_the_names_of_their_topics():
+    places = ("system/0/Dc/Battery", "battery/279/Dc/0", "solarcharger/288/Dc/0")
+    names = [f"N/c061/{place}/{name}#value" for place in places for name in ("Voltage", "Current")]
+    found = recognise([Offered(name, short_name(name)) for name in names], None, Answers())
+    assert [signal.name for signal in found.signals.values()] == [names[1], names[0]]
+
+
+def test_strings_in_parallel_are_wired_as_their_sum():
+    heard = [Offered(f"BMS{k}.Current", "Current", "mA") for k in (1, 2)]
+    given = Answers({"battery_current_A": "BMS1.Current + BMS2.Current"}, current_sign="discharge")
+    wired = recognise(heard, None, given).signals["battery_current_A"]
+    assert (wired.name, wired.scale) == ("BMS1.Current + BMS2.Current", -0.001)
+
+
+def test_a_current_is_not_asked_for_where_nothing_can_be_one():
+    found = recognise([Offered("BMS.Voltage", "Voltage", "V"), Offered("BMS.SOC", "SOC", "%")], None, Answers())
+    assert list(found.signals) == ["battery_voltage_V", "bms_soc"] and not found.questions
+    assert "can be the current" in found.notes[0]
+
+
+def test_a_wheel_is_asked_for_among_what_can_be_a_speed():
+    offered = [Offered(f"VESC{k}.{name}", name, unit) for k in (1, 2) for name, unit in (("ERPM", "rpm"), ("I", "A"))]
+    (left, _) = ask_wheels(load_robot("seeder"), [], offered)
+    assert "'VESC1.ERPM', 'VESC2.ERPM'?" in left.text
+    wired = {"wheel_speed_rad_s.left": "VESC1.ERPM", "wheel_speed_rad_s.right": "VESC2.ERPM"}
+    assert "pole pairs" in "".join(recognise(offered, load_robot("seeder"), Answers(wired)).notes)
 
 
 def test_kelvin_is_offered_for_values_that_are_kelvin():
@@ -305,8 +334,9 @@ def test_a_driven_wheel_that_no_source_sends_is_asked_for(folder, set_up):
     write_drive(folder / "car.mcap", ["axle_a", "axle_b", "arm"])
     words = ("car.mcap", *BATTERY, *SIZES, "--wheels", "2")
     asked = {question["example"]: question["text"] for question in set_up(*words, status=1)["asked"]}
+    listing = "which one is it, 'axle_a', 'axle_b', 'arm'"
     assert asked == {
-        f"wheel_speed_rad_s.{side}=NAME": f"no source sends the speed of the wheel '{side}': which one is it?"
+        f"wheel_speed_rad_s.{side}=NAME": f"no source sends the speed of the wheel '{side}': {listing}?"
         for side in ("left", "right")
     }
     answers = [("--signal", f"wheel_speed_rad_s.{side}={name}") for side, name in (("left", CAR[0]), ("right", CAR[1]))]

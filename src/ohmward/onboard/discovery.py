@@ -20,7 +20,7 @@ from ohmward.logs.objects_file import CHECKSUM, VICTRON
 from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
 from ohmward.onboard.message import as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker
-from ohmward.onboard.recognition import Offered
+from ohmward.onboard.recognition import Offered, short_name
 from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameReader
@@ -123,7 +123,7 @@ def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
     names = [name for name in heard.names if not name.startswith(tuple(own))]
     if not names:
         raise OhmwardError(f"{broker.host}: no number on any topic in {seconds:g} s; is the robot on?")
-    return [heard.offered(name, name.replace("#", "/").rpartition("/")[2]) for name in names]
+    return [heard.offered(name, short_name(name)) for name in names]
 
 
 def _is_state(topic: str, payload: bytes) -> bool:

@@ -6,6 +6,7 @@ The names are matched by the table of quantities, like the column names of a log
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -19,28 +20,38 @@ from ohmward.logs.battery_columns import cell_names
 from ohmward.logs.channels import (
     BATTERY,
     BODY,
+    CURRENT,
     MOTOR_CURRENT,
     TIME,
     WHEEL_COUNTS,
     WHEEL_SPEED,
     Channel,
     channel_for,
+    channel_of,
     robot_words,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_column, listed
 from ohmward.logs.units import UNITS, Unit, unit_of
 from ohmward.logs.wheel_columns import POSITIONS, Found, Wheels, find_wheels, wheel_places
-from ohmward.onboard.message import ScaledSignal, unmeasured_wheels
+from ohmward.onboard.message import PLUS, ScaledSignal, unmeasured_wheels
 from ohmward.quantities import QUANTITIES, limits_of, quantity_of
 from ohmward.signals.current_sign import SignEvidence, sign_evidence
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 
 #: Words for a motor, whose speed may be measured before the gear.
-_MOTOR = frozenset(("motor", "mot", "mc", "esc"))
+_MOTOR = frozenset(("motor", "mot", "mc", "esc", "vesc", "erpm"))
 
 #: Channels that exist only as signals, not as columns of a log.
-_OF_SIGNALS = tuple(channel_for(q._replace(words=q.signal_words)) for q in QUANTITIES.values() if q.signal_words)
+_OF_SIGNALS = tuple(
+    channel_for(q._replace(words=q.signal_words))._replace(first_of_many=False)
+    for q in QUANTITIES.values()
+    if q.signal_words
+)
+
+
+#: Key of a number in an object that says nothing of its own: Victron's brokers send `{"value": 26.4}` on each topic.
+NAMELESS = "#value"
 
 
 class Offered(NamedTuple):
@@ -59,13 +70,18 @@ class Offered(NamedTuple):
     @property
     def long(self) -> str:
         """Its name behind the name of its message, or the last two words of its topic."""
-        return ".".join(re.split(r"[./#]", self.name)[-2:])
+        return ".".join(re.split(r"[./#]", self.name.removesuffix(NAMELESS))[-2:])
 
     @property
     def range(self) -> tuple[float, float]:
         """Lowest and highest value, as heard or else from the database; nan if unknown."""
         finite = self.values[np.isfinite(self.values)]
         return (float(finite.min()), float(finite.max())) if finite.size else (self.lowest, self.highest)
+
+
+def short_name(name: str) -> str:
+    """Name of a number on a broker alone: its key, or the last word of its topic."""
+    return name.removesuffix(NAMELESS).replace("#", "/").rpartition("/")[2]
 
 
 class Question(NamedTuple):
@@ -115,7 +131,7 @@ def recognise(offered: Sequence[Offered], robot: Robot | None, answers: Answers)
     signals: dict[str, ScaledSignal] = {}
     for signal, match in sorted(found.matches.items(), key=lambda item: _order(item[0])):
         signals[signal] = found.scaled(signal, match)
-    used = {signal.name for signal in signals.values()}
+    used = {name for signal in signals.values() for name in signal.name.split(PLUS)}
     unused = tuple(one.name for one in offered if one.name not in used)
     return RecognisedSignals(signals, tuple(found.questions), tuple(found.notes), unused)
 
@@ -126,8 +142,10 @@ def ask_wheels(robot: Robot, signals: Collection[str], others: Sequence[Offered]
     signals: those wired so far.  others: numbers that are not.
     """
     questions = []
+    others = [one for one in others if _may_be(one, WHEEL_SPEED) or _may_be(one, WHEEL_COUNTS)]
+    speeds = [one.name for one in others if unit_of(one.unit)]
     for place in unmeasured_wheels(signals, robot):
-        near = [one.name for one in others if set(place.split("_")) <= set(robot_words(one.long))]
+        near = [one.name for one in others if set(place.split("_")) <= set(robot_words(one.long))] or speeds
         which = f"is it {near[0]!r}" if len(near) == 1 else f"which one is it{', ' * bool(near)}{listed(near)}"
         text = f"no source sends the speed of the wheel {place!r}: {which}?"
         example = near[0] if len(near) == 1 else "NAME"
@@ -173,9 +191,18 @@ class _Finder:
     def _take_answers(self) -> None:
         for signal, name in self.answers.signals.items():
             quantity_of(signal)
-            one = next((one for one in self.offered if name in (one.name, one.short)), None)
-            if one is None:
-                raise InputError(f"{signal}: there is no {name!r}; there are {listed([o.name for o in self.offered])}")
+            parts = []
+            for part in name.split(PLUS):
+                one = next((one for one in self.offered if part in (one.name, one.short)), None)
+                if one is None:
+                    known = listed([o.name for o in self.offered])
+                    raise InputError(f"{signal}: there is no {part!r}; there are {known}")
+                parts.append(one)
+            one = parts[0]
+            if len(parts) > 1:
+                if {other.unit for other in parts} != {one.unit}:
+                    raise InputError(f"{signal}: {name} have different units; only numbers in one unit can be added")
+                one = Offered(PLUS.join(other.name for other in parts), one.short, one.unit)
             self.matches[signal] = _Match(one, unit_of(one.unit) if one.unit else None)
 
     def _texts(self, long: bool) -> dict[str, Offered]:
@@ -252,13 +279,25 @@ class _Finder:
         signal = next((n for n, q in QUANTITIES.items() if q.channel == channel), channel)
         texts = {_column(one, long): one.name for one in self.offered for long in (True, False)}
         names = [texts[name] for name in error.choice.values() if name in texts]
-        text = f"{'; '.join(error.faults.values())}: which one is it?"
+        tied = [texts.get(name, name) for name in dict.fromkeys(itertools.chain(*error.ties.values()))]
+        text = f"{listed(tied)} may each be the {channel}: which one is it?"
+        if not tied:
+            text = f"no signal of the {channel} found: which one is it?"
+            if not any(_may_be(one, channel_of(channel)) for one in self._texts(long=True).values()):
+                self.notes.append(
+                    f"nothing that is offered can be the {channel}: estimates without it are less certain"
+                )
+                return
+        elif channel == CURRENT.name:
+            text += " That of batteries in parallel is the sum: NAME + NAME"
         part = "" if not QUANTITIES[signal].each else ".NAME"
         self.questions.append(Question(text, "--signal", f"{signal}{part}={(names or ['NAME'])[0]}"))
 
     def _ask_shaft(self) -> None:
         """Ask whether speeds named after motors are measured before the gear."""
         speeds = [m.offered for s, m in self.matches.items() if s.startswith(("wheel_speed", "wheel_counts"))]
+        if electrical := [one.name for one in speeds if "erpm" in robot_words(one.long)]:
+            self.notes.append(f"{listed(electrical)}: of the electrical turns; divide scale by the motor's pole pairs")
         of_motors = [one for one in speeds if _MOTOR & set(robot_words(one.long))]
         gear = self.robot.motor.gear_ratio if self.robot else 1.0
         if of_motors and gear != 1.0 and self.answers.shaft is None:
@@ -328,6 +367,12 @@ def _column(one: Offered, long: bool) -> str:
     """The name of a column with its unit."""
     stem = one.long if long else one.short
     return f"{stem} [{one.unit}]" if one.unit and unit_of(one.unit) else stem
+
+
+def _may_be(one: Offered, channel: Channel) -> bool:
+    """True for a number in a unit of the channel, or in none."""
+    unit = unit_of(one.unit)
+    return unit is None or unit.dimension in channel.dimensions
 
 
 def _by_radius(unit: Unit) -> bool:
