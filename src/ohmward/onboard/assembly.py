@@ -25,9 +25,7 @@ from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
-from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
-from ohmward.onboard.sinks.webhook import WebhookSink
 from ohmward.onboard.sources.replay import ReplaySource, replays_in_step
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
@@ -117,16 +115,6 @@ def state_folder(setup: Setup) -> StateFolder | None:
     return StateFolder(Path(setup.state or STATE), consumption, setup.learn, live=live)
 
 
-#: Sinks whose receivers tell robots apart by this setting.
-_TELLS_APART = {
-    MqttSink: "topic",
-    InfluxSink: "robot",
-    PostgresqlSink: "robot",
-    WebhookSink: "robot",
-    ControlSink: "mqtt",
-}
-
-
 def sinks_of(setup: Setup) -> list[AnySink]:
     """The sinks of a setup, with the robot's name; a page without a store uses that of the setup's `store` sink.
 
@@ -142,7 +130,7 @@ def sinks_of(setup: Setup) -> list[AnySink]:
         changed: dict[str, Any] = {key: own[key] for key in usual if getattr(sink, key, "") == usual[key]}
         if isinstance(sink, ControlSink) and sink.mqtt and sink.mqtt.topic == MqttOutput.topic:
             changed["mqtt"] = replace(sink.mqtt, topic=f"{own['topic']}/drives")
-        if setup.name == Setup.name and _TELLS_APART.get(type(sink)) in changed:
+        if setup.name == Setup.name and getattr(sink, "identity", "") in changed:
             shared.append(sink.name)
         if isinstance(sink, ControlSink) and setup.robot is not None:
             # the wheels of another robot may have another order

@@ -22,6 +22,7 @@ from ohmward.traction.robot.packaged import load_robot
 class ControlSink:
     """The controller and its operator."""
 
+    identity: ClassVar[str] = "mqtt"  #: setting by which receivers tell robots apart
     robot: str | None = None  #: path of a robot file or name of a packaged robot; default: that of the setup
     #: output to the drives; give one
     can: CanOutput | None = None

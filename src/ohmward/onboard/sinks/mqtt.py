@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.json_values import plain
@@ -28,6 +28,7 @@ _STATES_AT_ONCE = 100
 class MqttSink(MqttBroker):
     """States to a broker, retained, each acknowledged by it; unacknowledged ones wait in the feed."""
 
+    identity: ClassVar[str] = "topic"  #: setting by which receivers tell robots apart
     #: the state is sent to TOPIC/state, alarms to TOPIC/alarms when one begins or ends, "online" to TOPIC/status, and
     #: "offline" once the connection is lost
     topic: str = "ohmward/robot"

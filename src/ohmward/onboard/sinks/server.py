@@ -8,7 +8,7 @@ import urllib.parse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
@@ -36,6 +36,7 @@ async def _deliver(feed: Feed, send: Send, sink: InfluxSink | PostgresqlSink) ->
 class InfluxSink:
     """Line protocol over HTTP, with `robot` as a tag: InfluxDB 1, 2 and 3, VictoriaMetrics, QuestDB and Telegraf."""
 
+    identity: ClassVar[str] = "robot"  #: setting by which receivers tell robots apart
     #: write API: `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
     url: str
     token: str | None = None  #: secret, if the server requires one
@@ -105,6 +106,7 @@ def write_lines(url: str, text: str, token: str = "") -> None:
 class PostgresqlSink:
     """A table for each kind of rows, created if missing; one row for each robot and time, its values as JSON."""
 
+    identity: ClassVar[str] = "robot"  #: setting by which receivers tell robots apart
     address: str  #: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`
     password: str | None = None  #: secret, if the server requires one
     robot: str = "robot"  #: name of the robot in each row

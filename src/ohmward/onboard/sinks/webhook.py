@@ -8,7 +8,7 @@ import urllib.parse
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
@@ -29,6 +29,7 @@ _FOR_GOOD = (400, 413, 415, 422)
 class WebhookSink:
     """Alarms as JSON objects over HTTP; `text` is what chats show, Slack, Mattermost, Home Assistant and others."""
 
+    identity: ClassVar[str] = "robot"  #: setting by which receivers tell robots apart
     url: str  #: address to call, often itself a secret: `env:NAME` takes it from an environment variable
     token: str | None = None  #: secret sent as `Authorization: Bearer`
     robot: str = "robot"  #: name of the robot in the message
