@@ -184,6 +184,8 @@ PRINTED = {
     "JSON": (b'{"I": -2.5, "U": 13.25}\r\n', "I", "U"),
     "pairs with units": (b"t=12 I=-2.5A U=13.25V\n", "I [A]", "U [V]"),
     "a value a line": (b"I: -2.5\nU: 13.25 V\n", "I", "U [V]"),
+    "Teleplot": (">I:-2.5§A\r\n>U:13.25\r\n".encode(), "I [A]", "U"),
+    "log of ESP-IDF": (b"I (1234) bms: I=-2.5 U=13.25\r\n", "I", "U"),
     "rows": (b"7,-2.5,13.25,\r\n", "2", "3"),
     "rows, carriage return alone": (b"-2.5 13.25\r", "1", "2"),
     "VE.Direct": (b"\r\nPID\t0xA389\r\nI\t-2.5\r\nV\t13.25\r\nChecksum\t\x9e", "I", "V"),

@@ -23,6 +23,9 @@ from ohmward.onboard.sources.json_lines import wired_and_own
 from ohmward.optional import require
 from ohmward.quantities import QUANTITIES
 
+#: What stands before the numbers of a line for Teleplot (`>V:13.2§V`), or of a log of ESP-IDF (`I (1234) bms: V=13.2`).
+_BEFORE = re.compile(r"^(>|[VDIWE] \(\d+\) [^:]+: )")
+
 #: Time between two checks of the reading thread for its end [s].
 _END_READ_S = 0.1
 
@@ -170,6 +173,7 @@ class PrintedLines:
         return [found for line in lines if line.strip() and (found := self._numbers(line.decode(errors="replace")))]
 
     def _numbers(self, line: str) -> dict[str, Any]:
+        line = _BEFORE.sub("", line).replace("§", " ")
         numbers = numbers_of_line(line)
         if not numbers and len(cells := cells_of_line(line)) <= MOST_VALUES and all(map(str.isprintable, cells)):
             self.headers[len(cells)] = [cell.strip() for cell in cells]
