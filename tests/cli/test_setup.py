@@ -186,6 +186,12 @@ def test_a_wheel_is_asked_for_among_what_can_be_a_speed():
     assert "pole pairs" in "".join(recognise(offered, load_robot("seeder"), Answers(wired)).notes)
 
 
+@pytest.mark.parametrize(("soc", "scale"), [(76.0, 0.01), (0.76, 1.0)])
+def test_a_charge_without_a_unit_is_in_percent_where_it_is_more_than_one(soc, scale):
+    heard = Offered("bms/soc", "soc", time_s=np.arange(2.0), values=np.full(2, soc))
+    assert recognise([heard], None, Answers()).signals["bms_soc"].scale == scale
+
+
 def test_kelvin_is_offered_for_values_that_are_kelvin():
     heard = Offered("BMS.Temp", "Temp", time_s=np.arange(2.0), values=np.array([298.0, 299.0]))
     asked = [q.example for q in recognise([heard], None, Answers()).questions if "unit" in q.option]

@@ -311,9 +311,13 @@ class _Finder:
     def _ask_units(self) -> None:
         """Ask for units missing from the names, once for each channel; a battery's are assumed if the values allow."""
         asked: set[str] = set()
-        for signal, match in self.matches.items():
+        for signal, match in list(self.matches.items()):
             quantity = quantity_of(signal)
             channel = quantity.channel
+            if not match.unit and quantity.example.startswith("%") and match.offered.range[1] > quantity.limits.highest:
+                self.matches[signal] = match._replace(unit=unit_of("%"))
+                self.notes.append(f"{match.offered.name} has no unit: assumed to be %")
+                continue
             if match.unit or channel in self.answers.units or channel in asked or quantity.unit in ("1", "counts", ""):
                 continue
             own, fits = quantity.unit, _fitting(signal, match.offered, self.robot)
