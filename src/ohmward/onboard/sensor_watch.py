@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -244,21 +243,14 @@ class WatchedSensor:
         return self.signal.partition(".")[0] in _MOVES and abs(self.value) > _NOT_AT_REST * self.usual
 
 
-class _Delay(NamedTuple):
-    """Delay of a message after its measurement."""
-
-    received_s: float
-    delay_s: float  #: against the least delayed one of its publisher
-    behind_s: float  #: of its stamp against the wall clock of this machine, 0 where they are not comparable
-
-
 @dataclass
 class Delivery:
     """Messages of one source."""
 
     signals: frozenset[str] = frozenset()  #: signals that it declares
     first_s: float = math.inf  #: receipt of the first message
-    last: dict[str, _Delay] = field(default_factory=dict)  #: delay of the last message of each publisher
+    #: publisher -> receipt of its last message, and the delay of it
+    last: dict[str, tuple[float, float]] = field(default_factory=dict)
     step_s: float = -math.inf  #: time at which the source's clock was last set
 
 
@@ -306,12 +298,12 @@ class SensorWatch:
     ) -> dict[str, float]:
         """Values of a message that may be used, nan for invalid ones; doubled ones are left out.
 
-        behind_s: of its stamp, see `_Delay`.
+        behind_s: of its stamp against the wall clock of this machine, 0 where they are not comparable.
         """
         delivery = self.sources.setdefault(source, Delivery())
         delivery.first_s = min(delivery.first_s, received_s)
         known = publisher if publisher in delivery.last or len(delivery.last) < MOST_SENSORS else ""
-        delivery.last[known] = _Delay(received_s, received_s - time_s, behind_s)
+        delivery.last[known] = received_s, max(received_s - time_s, behind_s if behind_s > BEHIND_S else 0.0)
         clean = {}
         for signal, value in values.items():
             if (sensor := self.sensors.get(signal) or self._first(signal, source, publisher)) is None:
@@ -501,19 +493,17 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     return Level.OK, f"reports, from {sensor.source}"
 
 
-def _delay_of(source: str, last: Mapping[str, _Delay]) -> Diagnostic:
-    """Condition of the delays of a source: that of the latest of its publishers which are heard at present."""
-    newest_s = max((one.received_s for one in last.values()), default=math.nan)
-    heard = {name: one for name, one in last.items() if newest_s - one.received_s <= LATE_FOR_S}
-    latest = max(heard, key=lambda name: max(heard[name].delay_s, heard[name].behind_s), default="")
-    _, delay_s, behind_s = heard.get(latest, _Delay(newest_s, 0.0, 0.0))
+def _delay_of(source: str, last: Mapping[str, tuple[float, float]]) -> Diagnostic:
+    """Condition of the largest delay of a source's publishers, of those that are heard at present."""
+    newest_s = max((received_s for received_s, _ in last.values()), default=math.nan)
+    delays = {name: delay_s for name, (at_s, delay_s) in last.items() if newest_s - at_s <= LATE_FOR_S}
+    latest = max(delays, key=delays.__getitem__, default="")
     level, message = Level.OK, "in time"
-    if delay_s > LATE_S:
-        level, message = Level.WARN, f"values of {sender(source, latest)} come late; look at the link"
-    elif behind_s > BEHIND_S:
-        behind = f"stamps of {sender(source, latest)} are always behind our clock: they come late, or theirs is wrong"
-        level, message = Level.WARN, f"{behind}; look at the link, and set both clocks by the network"
-    return Diagnostic(f"delay of {source}", level, message, {"delay_s": max(delay_s, behind_s)})
+    if (delay_s := delays.get(latest, 0.0)) > LATE_S:
+        who = sender(source, latest)
+        level = Level.WARN
+        message = f"values of {who} come late, or its clock is behind; look at the link, and set both by the network"
+    return Diagnostic(f"delay of {source}", level, message, {"delay_s": delay_s})
 
 
 def _fix(sentence: str) -> str:
