@@ -144,7 +144,7 @@ class StateFolder:
             try:
                 while True:  # at once: a disk that is still full after a restart is no recovery
                     self._follow_swaps(estimation)
-                    await asyncio.to_thread(self._write_snapshot, self._content(estimation, now_s()))
+                    await asyncio.to_thread(write_snapshot, self.path, self._content(estimation, now_s()))
                     if self.clock.now_s() - table_s > TABLE_S:
                         table_s = self.clock.now_s()
                         await asyncio.to_thread(self._write_table, estimation)
@@ -160,7 +160,7 @@ class StateFolder:
     def write(self, estimation: Estimation, now_s: float) -> None:
         """Write everything once."""
         self._follow_swaps(estimation)
-        self._write_snapshot(self._content(estimation, now_s))
+        write_snapshot(self.path, self._content(estimation, now_s))
         self._write_table(estimation)
         if self.learn:
             self._write_learnt(estimation.battery, estimation.soc)
@@ -207,10 +207,6 @@ class StateFolder:
         origin = {"boot": boot_id(), "monotonic_s": self._since_boot_s(), "unix_s": self.clock.unix_s()}
         found = remember(estimation, now_s)
         return found | origin | {"live": self.live, "computer": computer()} if found else {}
-
-    def _write_snapshot(self, content: dict[str, object]) -> None:
-        if content:
-            write_snapshot(self.path, content)
 
     def _write_table(self, estimation: Estimation) -> None:
         if estimation.range and estimation.range.state.finished_m > 0.0:
@@ -263,11 +259,13 @@ def boot_id() -> str:
 
 
 def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
-    """Write a snapshot; the previous one stays beside it.
+    """Write a snapshot; the previous one stays beside it, and both stay where the new one is empty.
 
     Raises:
         OhmwardError: the operating system refused; the snapshots are unchanged.
     """
+    if not content:
+        return
     newest, previous = folder / NAME, folder / PREVIOUS
     link = folder / f".{PREVIOUS}.link"
     with suppress(OSError):  # some file systems have no links; the newest is still written in one step

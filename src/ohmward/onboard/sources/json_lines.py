@@ -125,7 +125,8 @@ class JsonLinesSource:
         try:
             if port:
                 return await loop.create_server(reader, host, port, backlog=BACKLOG)
-            await asyncio.to_thread(_remove_socket, self.address)
+            if (left_behind := Path(self.address)).is_socket():  # by an earlier process
+                left_behind.unlink()
             return await loop.create_unix_server(reader, self.address, backlog=BACKLOG)
         except OSError as error:
             raise cannot_listen(self.address, error) from error
@@ -221,10 +222,3 @@ def is_at_once(stream: TextIO) -> bool:
         return stat.S_ISREG(mode) or (stat.S_ISCHR(mode) and not stream.isatty())
     except (OSError, ValueError):
         return False
-
-
-def _remove_socket(path: str) -> None:
-    """Remove the socket left behind by an earlier process, and nothing else."""
-    found = Path(path)
-    if found.is_socket():
-        found.unlink()
