@@ -199,9 +199,7 @@ class StateFolder:
         backups = [back_up(self.path / name) for name in (IN_USE, LEARNT)]
         self._forget_learnt()
         fix = "".join(f"; if only the computer is new: battery = {str(path)!r}" for path in backups[-1:] if path)
-        self.notes.append(
-            f"{self.path} is of another computer, as on a copied disk: battery and totals start afresh{fix}"
-        )
+        self.notes.append(f"{self.path} is of another computer, as on a copied disk: the battery starts afresh{fix}")
 
     def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
         origin = {"boot": boot_id(), "monotonic_s": self._since_boot_s(), "unix_s": self.clock.unix_s()}
