@@ -14,6 +14,7 @@ from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.file import load_battery
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.log_check import check_log, read_log_of
+from ohmward.battery.soc.anchors import Anchor, scan_anchors
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
@@ -92,6 +93,7 @@ class SocTask(NamedTuple):
     rest_current_A: float | None  #: true current of a rest, from the option or else the battery file
     initial_soc: float | None
     initial_soc_std: float
+    anchors: tuple[Anchor, ...] | None = None  #: in the log; None where they have not been looked for
     warnings: tuple[str, ...] = ()  #: about options that contradict the battery file or the log
 
     @property
@@ -202,9 +204,13 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     log = check_log(read_battery_log(args.log, reading, extra, report, file, battery), battery)
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)
-    lowered = full_at_charger_limit(battery, log) if battery.noise.full_soc_std else battery
+    lowered, anchors = battery, None
+    if battery.noise.full_soc_std:
+        own, known = scan_anchors(log, battery)
+        lowered, anchors = full_at_charger_limit(battery, log, known), own.anchors
     if moved := limit_sentence(battery, lowered):
         warnings.append(f"info: {moved}capacities are relative to {lowered.capacity_Ah:.3g} Ah (see ohmward learn)")
+        anchors = None
     given, idle_A = args.rest_current, battery.idle_current_A
     rest_A = {None: idle_A, UNKNOWN: None}.get(given, given)
     if given is not None and idle_A is not None and given != idle_A:
@@ -214,7 +220,8 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     if args.truth:
         start_soc = args.initial_soc if args.truth_start is None else args.truth_start
         truth = soc_reference(log, args.truth, battery.capacity_Ah, start_soc)
-    task = SocTask(lowered if moved else battery, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std)
+    used = lowered if moved else battery
+    task = SocTask(used, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std, anchors)
     return task._replace(warnings=(*warnings, *task.start_contradicted()))
 
 

@@ -135,9 +135,10 @@ def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) 
     Nearly every stamp has this many rows, which differ by their place in it. Rows of one battery with coarse stamps do
     not, unless its load is synchronous with them; a column with the finer part of the stamp shows that they are of one.
     """
-    if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
+    time_s = table.columns[time]
+    if (time_s[1:] > time_s[:-1]).all() or any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1
-    _, first, rows = np.unique(table.columns[time], return_index=True, return_counts=True)
+    _, first, rows = np.unique(time_s, return_index=True, return_counts=True)
     count = int(np.median(rows))
     if not 1 < count <= _MOST_INSTANCES or np.count_nonzero(rows == count) < max(2, _MOST_STAMPS * rows.size):
         return 1

@@ -18,7 +18,7 @@ from ohmward.battery.learning.charger_limit import (
     with_full_at,
 )
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
-from ohmward.battery.soc.anchors import anchors_and_limit, find_anchors, with_known_full
+from ohmward.battery.soc.anchors import find_anchors, scan_anchors, with_known_full
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag
 from ohmward.logs.log import Log
@@ -102,7 +102,7 @@ def test_full_is_no_farther_below_its_curve_than_a_voltage_without_charge(soc, c
 @pytest.mark.parametrize("soc", [0.3, 0.6])
 def test_a_charger_that_stops_lower_defines_full(soc):
     log, truth = lower_charge(soc)
-    assert anchors_and_limit(log, with_known_full(label("nca")))[1] == pytest.approx(LIMIT_V, abs=5e-3)
+    assert scan_anchors(log, label("nca"))[1].limit_V == pytest.approx(LIMIT_V, abs=5e-3)
     ready = full_at_charger_limit(label("nca"), log)
     assert ready.thevenin.ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=5e-3)
     (full,) = (anchor for anchor in find_anchors(log, ready) if anchor.kind == "full charge")
@@ -114,10 +114,16 @@ def test_a_charger_that_stops_lower_defines_full(soc):
 @pytest.mark.parametrize("stretch", [97, 1000])
 def test_a_lower_limit_is_found_in_a_log_that_is_searched_in_stretches(stretch, monkeypatch):
     log, _ = lower_charge()
-    known = with_known_full(label("nca"))
-    whole = anchors_and_limit(log, known)
+    whole = scan_anchors(log, label("nca"))
     monkeypatch.setattr("ohmward.battery.soc.anchors._STRETCH", stretch)
-    assert anchors_and_limit(log, known) == whole
+    assert scan_anchors(log, label("nca")) == whole
+
+
+@pytest.mark.parametrize("limit_V", [None, LIMIT_V])
+def test_one_pass_finds_the_anchors_of_a_known_full_end_beside_those_of_an_unknown_one(limit_V):
+    log, _ = day("nca", 0.3, PHASES, limit_V=limit_V)
+    _, known = scan_anchors(log, label("nca"))
+    assert known == scan_anchors(log, with_known_full(label("nca")))[0]
 
 
 @pytest.mark.parametrize("spike_V", [math.nan, 0.1, -0.1, 4.0])
@@ -125,7 +131,7 @@ def test_spikes_do_not_hide_the_limit_of_a_charger(spike_V):
     log, _ = lower_charge()
     voltage_V = log.voltage_V.copy()
     voltage_V[::20] += spike_V
-    _, limit_V = anchors_and_limit(replace(log, voltage_V=voltage_V), with_known_full(label("nca")))
+    _, (_, limit_V) = scan_anchors(replace(log, voltage_V=voltage_V), label("nca"))
     assert limit_V == pytest.approx(LIMIT_V, abs=5e-3)
 
 
@@ -177,7 +183,7 @@ def test_a_raised_curve_is_the_lower_one_and_that_of_the_chemistry_above_it():
 )
 def test_other_charges_have_no_lower_limit(chemistry, phases):
     log, _ = day(chemistry, 0.3, phases)
-    assert anchors_and_limit(log, with_known_full(label(chemistry)))[1] is None
+    assert scan_anchors(log, label(chemistry))[1].limit_V is None
 
 
 def test_a_full_end_that_is_known_stays():

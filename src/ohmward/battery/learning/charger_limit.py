@@ -26,7 +26,7 @@ from ohmward.battery.models.ocv import OCV_POINTS, OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS
-from ohmward.battery.soc.anchors import VOLTAGE, Anchor, anchors_and_limit, rule_of, with_known_full
+from ohmward.battery.soc.anchors import VOLTAGE, Anchor, LogAnchors, rule_of, scan_anchors, with_known_full
 from ohmward.battery.soc.coulomb import REST_CURRENT_C
 from ohmward.logs.log import Log
 
@@ -37,10 +37,12 @@ _LEAST_RAISE = 1.05
 _REACHED_BY = 5
 
 
-def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
+def full_at_charger_limit(battery: Battery, log: Log, found: LogAnchors | None = None) -> Battery:
     """The battery that is full where its charger stops in this log; unchanged where its full end is known.
 
     A charge up to the full end of a label's curve shows that this is full.
+
+    found: in the log by the battery with a known full end, from `scan_anchors`; None scans it.
     """
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
@@ -48,8 +50,8 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     was_lowered = anchored and _was_lowered(battery)
     if anchored and not was_lowered and not battery.noise.full_soc_std:
         return battery
+    anchors, limit_V = found or scan_anchors(log, battery)[1]
     battery, known = with_charge_seen(battery, log), with_known_full(battery)
-    anchors, limit_V = anchors_and_limit(log, known)
     rule, full = rule_of(known), [a for a in anchors if a.kind == "full charge"]
     if full:
         battery = known

@@ -10,8 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.anchor_finder import AnchorFinder, FinderOutput
+from ohmward.battery.soc.anchor_finder import AnchorFinder, AnchorFlag, FinderOutput, SampleEvents
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorRule, SocNormal
 from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import NO_SAMPLE, SocFlag, SocSample
@@ -25,7 +24,7 @@ AnchorKind = Literal["full charge", "nearly full", "empty", "rest"]
 VOLTAGE = "voltage"
 
 #: Samples of a log whose output is in memory at the same time.
-_STRETCH = 1 << 15
+_STRETCH = 1 << 16
 
 
 class Anchor(NamedTuple):
@@ -45,36 +44,36 @@ class Anchor(NamedTuple):
     source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that reports it
 
 
+class LogAnchors(NamedTuple):
+    """Anchors in a log, in order, each event once, and where a charger in it stops."""
+
+    anchors: tuple[Anchor, ...]
+    #: highest voltage [V], without overpotential, at which a charger stops below full; None where none does, or one
+    #: comes to full
+    limit_V: float | None
+
+
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     """The anchors in a log, in order, each event once."""
-    return anchors_and_limit(log, battery)[0]
+    return scan_anchors(log, battery)[0].anchors
 
 
-def anchors_and_limit(log: Log, battery: Battery) -> tuple[tuple[Anchor, ...], float | None]:
-    """The anchors in a log, and the highest voltage [V], without overpotential, at which a charger stops below full.
+def scan_anchors(log: Log, battery: Battery) -> tuple[LogAnchors, LogAnchors]:
+    """The anchors in a log by a battery, and by the same battery when it is full at the full end of its curve.
 
     The rule is that of the live estimator (`AnchorRule`), but a log shows what follows: a full charge and a rest are
     placed at their end, where they say most, and a load that is low at the end of the log or before a gap was cut off.
-    None for a log in which no charger stops below full, or one comes to full.
     """
-    rule = rule_of(battery)
-    found: list[Anchor] = []
-    tapers: list[int] = []
-    limits_V: list[float] = []
+    finder = AnchorFinder(rule_of(battery), rule_of(with_known_full(battery)))
     current_A = np.empty(len(log))
-    for first, output in _outputs(log, rule):
+    events: list[tuple[int, FinderOutput]] = []
+    for first, output in _outputs(log, finder):
         current_A[first : first + _STRETCH] = output.current_A[: len(log) - first]
-        found += _anchors_inside(log, first, rule, output)
-        tapers += (first + np.flatnonzero(output.tapers)).tolist()
-        for k in np.flatnonzero(output.below_full).tolist():
-            middle_V = float(np.nanmedian(log.voltage_V[tapers.pop(0) : first + k]))
-            limits_V.append(float(rule.relaxed_V(middle_V, row_of(output.before, k))))
-    is_full = any(anchor.kind == "full charge" for anchor in found)
-    declared = SocNormal(1.0, rule.limits.full_std)
-    found += [_anchor("full charge", k, declared, log, name) for name, k in log.full_charges()]
-    found.sort(key=lambda anchor: anchor.sample)
-    anchors = tuple(_without_repeats(found, log.time_s, current_A, AGAIN * rule.model.capacity_As))
-    return anchors, None if is_full else max(limits_V, default=None)
+        rows = np.flatnonzero((output.own.flags > 0.0) | (output.known.flags > 0.0))
+        events += [(first + k, row_of(output, k)) for k in rows.tolist()]
+    own = [(k, output, output.own) for k, output in events]
+    known = [(k, output, output.known) for k, output in events]
+    return _log_anchors(log, finder.rule, own, current_A), _log_anchors(log, finder.known_rule, known, current_A)
 
 
 class JudgedAnchor(NamedTuple):
@@ -91,11 +90,11 @@ class JudgedAnchor(NamedTuple):
         return fields.pop("anchor")._asdict() | fields
 
 
-def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor]:
+def judged_anchors(anchors: Sequence[Anchor], run: SocRun) -> list[JudgedAnchor]:
     """The anchors in a log, each with the estimate before it."""
     used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
     before, found = -1, []
-    for anchor in find_anchors(log, battery):
+    for anchor in anchors:
         usable = anchor.kind != "rest"  # filters use the voltage of a rest anyway
         seen = used[(used > before) & (used <= anchor.sample)] if usable else used[:0]
         k = max(int(seen[-1] if seen.size else anchor.sample) - 1, 0)
@@ -115,9 +114,8 @@ def rule_of(battery: Battery) -> AnchorRule:
     return AnchorRule(battery.thevenin, battery.noise, battery.sensor)
 
 
-def _outputs(log: Log, rule: AnchorRule) -> Iterator[tuple[int, FinderOutput]]:
+def _outputs(log: Log, finder: AnchorFinder) -> Iterator[tuple[int, FinderOutput]]:
     """First sample and output of each stretch of a log; the last one is of a sample after its end, without a value."""
-    finder = AnchorFinder(rule)
     kernel = Kernel(finder.step, finder.init(NO_SAMPLE), NO_SAMPLE)
     columns = samples_of(log)
     state = finder.init(row_of(columns, 0))
@@ -128,25 +126,45 @@ def _outputs(log: Log, rule: AnchorRule) -> Iterator[tuple[int, FinderOutput]]:
     yield len(log), output
 
 
-def _anchors_inside(log: Log, first: int, rule: AnchorRule, output: FinderOutput) -> Iterator[Anchor]:
-    """The anchors that current and voltage show in a stretch of a log from a sample on."""
+def _log_anchors(
+    log: Log, rule: AnchorRule, events: Sequence[tuple[int, FinderOutput, SampleEvents]], current_A: np.ndarray
+) -> LogAnchors:
+    """The anchors by a rule, from the rows of a log that show an event by it, and where its charger stops.
 
-    def before(k: int) -> tuple[int, float, CircuitInput]:
-        last = first + k - 1
-        return last, float(log.voltage_V[last]), row_of(output.before, k)
+    current_A: (T,) last credible current.
+    """
+    found: list[Anchor] = []
+    tapers: list[int] = []
+    limits_V: list[float] = []
+    for k, output, here in events:
+        found += _anchors_at(k, output, here, rule, log)
+        if int(here.flags) & AnchorFlag.TAPERS:
+            tapers.append(k)
+        if int(here.flags) & AnchorFlag.BELOW_FULL:
+            middle_V = float(np.nanmedian(log.voltage_V[tapers.pop(0) : k]))
+            limits_V.append(float(rule.relaxed_V(middle_V, output.before)))
+    is_full = any(anchor.kind == "full charge" for anchor in found)
+    declared = SocNormal(1.0, rule.limits.full_std)
+    found += [_anchor("full charge", k, declared, log, name) for name, k in log.full_charges()]
+    found.sort(key=lambda anchor: anchor.sample)
+    anchors = tuple(_without_repeats(found, log.time_s, current_A, AGAIN * rule.model.capacity_As))
+    return LogAnchors(anchors, None if is_full else max(limits_V, default=None))
 
-    for k in np.flatnonzero(output.full).tolist():
-        last, voltage_V, u = before(k)
-        yield _anchor("full charge", last, rule.full(voltage_V, u), log)
-    for k in np.flatnonzero(output.top).tolist():
-        yield _anchor("nearly full", first + k, row_of(output.event, k), log)
-    for k in np.flatnonzero(output.empty).tolist():
-        yield _anchor("empty", first + k, row_of(output.event, k), log)
-    for k in np.flatnonzero(output.cut_off).tolist():
-        yield _anchor("empty", first + k - 1, row_of(output.low, k), log)
-    for k in np.flatnonzero(output.rest).tolist():
-        last, voltage_V, u = before(k)
-        yield _anchor("rest", last, rule.at_rest(voltage_V, u), log)
+
+def _anchors_at(k: int, output: FinderOutput, events: SampleEvents, rule: AnchorRule, log: Log) -> Iterator[Anchor]:
+    """The anchors that current and voltage show at the sample k of a log, which may be the one after its end."""
+    flags, last = int(events.flags), k - 1
+    last_V = float(log.voltage_V[last])
+    if flags & AnchorFlag.FULL:
+        yield _anchor("full charge", last, rule.full(last_V, output.before), log)
+    if flags & AnchorFlag.TOP:
+        yield _anchor("nearly full", k, events.soc, log)
+    if flags & AnchorFlag.EMPTY:
+        yield _anchor("empty", k, events.soc, log)
+    if flags & AnchorFlag.CUT_OFF:
+        yield _anchor("empty", last, output.low, log)
+    if flags & AnchorFlag.REST:
+        yield _anchor("rest", last, rule.at_rest(last_V, output.before), log)
 
 
 def _without_repeats(

@@ -13,7 +13,7 @@ import numpy as np
 
 from ohmward.battery.cells.drift import expected_weakest
 from ohmward.battery.cells.pack_estimator import PackRun
-from ohmward.battery.soc.anchors import judged_anchors
+from ohmward.battery.soc.anchors import find_anchors, judged_anchors
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import DO_NOT_TRUST, misfits
 from ohmward.battery.soc.registry import chosen_name, title_of
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> Outcome:
             writing = counting(report, f"writing {Path(args.output).name}")
             write_table(estimate_table(task, answer, cells), args.output, writing)
     if cells:
-        task = task._replace(log=cells.log)
+        task = task._replace(log=cells.log, anchors=None)
     wrong = misfits(task.battery, task.log, answer.settings, answer.estimates)
     task = task._replace(log=task.log.with_notes(*wrong, *answer.exchanges))
     figures = summary(task, name, answer, cells) | {"fits": not wrong, "output": args.output, "report": args.report}
@@ -63,6 +63,7 @@ def run(args: argparse.Namespace) -> Outcome:
 def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None) -> dict[str, Any]:
     """The object of --json, but for `fits` and the files."""
     log, estimates = task.log, answer.estimates
+    anchors = find_anchors(log, task.battery) if task.anchors is None else task.anchors
     figures = soc_figures(log, estimates)
     weakest = None
     if cells is None and task.battery.n_series > 1:
@@ -80,7 +81,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None) -> 
         **{STD_OF[mean]: float(getattr(estimates, STD_OF[mean])[-1]) for mean in LEARNT},
         "rejected_voltages": len(rejected_voltages(log, estimates)),
         "explanation": answer.explain().as_dict(),
-        "anchors": [anchor.as_dict() for anchor in judged_anchors(log, task.battery, answer)],
+        "anchors": [anchor.as_dict() for anchor in judged_anchors(anchors, answer)],
         "cells": cells.figures() if cells else None,
         "weakest_expected": weakest,
         "flags": answer.counts(),
