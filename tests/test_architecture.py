@@ -21,7 +21,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
 GROUND = {
-    *("errors", "checks", "atomic", "optional", "runs", "toml_file", "json_values", "lab", "quantities"),
+    *("errors", "checks", "atomic", "memory", "optional", "runs", "toml_file", "json_values", "lab", "quantities"),
     *("rich_display", "signals"),
 }
 LOGS = {"logs.log", "logs.drive_log"}
@@ -33,6 +33,7 @@ BELOW: dict[str, set[str]] = {
     "atomic": {"errors"},
     "optional": {"errors"},
     "json_values": set(),
+    "memory": set(),
     "rich_display": set(),
     "quantities": {"errors"},
     "runs": set(),

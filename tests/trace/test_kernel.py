@@ -382,7 +382,7 @@ def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkey
 
 def test_live_steps_begin_in_python_and_continue_in_machine_code(monkeypatch):
     returned: list[int] = []
-    monkeypatch.setattr(kernel_module, "_return_memory", lambda: returned.append(1))
+    monkeypatch.setattr(kernel_module, "return_freed", lambda: returned.append(1))
     kernel: Any = Kernel(lambda state, x: (state + x, 2.0 * state), 0.0, 0.0, lowering="auto")
     with kernel_module._BEHIND:  # nothing is compiled meanwhile
         first, second = kernel.live(1.0), kernel.live(10.0)

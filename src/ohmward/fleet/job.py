@@ -34,6 +34,7 @@ from ohmward.fleet.run import digest_of, failed, file_name, fingerprint
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import split_selection
+from ohmward.memory import reuse_freed
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Job:
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
+        reuse_freed()
         battery = BATTERY_FILE.parse(self.battery)
         estimator = make_estimator(self.filter, battery)
         rows: dict[str, dict[str, Any]] = {}

@@ -1,9 +1,7 @@
 """Compiled functions: one call, live samples, one log, many logs, with the best lowering that is installed."""
 
-import ctypes
 import os
 from collections.abc import Callable, Collection
-from contextlib import suppress
 from functools import cached_property, partial
 from threading import Lock, Thread, main_thread
 from typing import Any, TypeVar
@@ -12,6 +10,7 @@ import numpy as np
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
+from ohmward.memory import return_freed
 from ohmward.trace import scan
 from ohmward.trace.live import FlagTable, Live, MachineLive, PromptLive, PythonLive
 from ohmward.trace.lower import (
@@ -48,12 +47,6 @@ Progress = Callable[[int, int], None]
 def repeatable_lowering() -> str:
     """Lowering whose live steps give equal bits for equal samples, whatever has been compiled before."""
     return os.environ.get("OHMWARD_LOWERING") or ("python" if llvm_machine_code.reason_for_none() else "machine")
-
-
-def _return_memory() -> None:
-    """Return to the system what traces and compiler have freed, which glibc would keep: 350 MB of a robot's process."""
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 class Kernel:
@@ -228,7 +221,7 @@ class Kernel:
                     step = self._one_machine
                     step.function(1, (False,) * step.columns)
                     self._at_hand = True
-                    _return_memory()
+                    return_freed()
 
         thread = Thread(target=lambda: self._run(compile_step, lambda: None, worth=True), name="compile")
         thread.start()

@@ -29,6 +29,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.table import counted
 from ohmward.logs.write import TABLES
+from ohmward.memory import reuse_freed
 from ohmward.report import Figure, Page
 from ohmward.runs import duration
 
@@ -42,6 +43,7 @@ _CELLS = ("Cell", "SoC [%]", "minus typical [points]", "Capacity over typical [%
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate, compare with the truth, write the estimates; the exit status is 1 if the battery file does not fit."""
     check_results(args.output, TABLES, [args.log, args.battery], "soc_std")
+    reuse_freed()
     with progress() as report:
         task = make_soc_task(args, report)
         name = chosen_name(args.filter.lower())
