@@ -104,7 +104,7 @@ def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None)
     all_rows = numbered_rows(file.names)
     rows = [row for row in all_rows if is_named(row)]
     # V1, V2, V3 and more, or U1 (V): voltages that have nothing but a number
-    bare = [[set(letters(next(split_unit(name))[0])) <= {"v", "u"} for name in row] for row in all_rows]
+    bare = [[set(letters(split_unit(name)[0][0])) <= {"v", "u"} for name in row] for row in all_rows]
     rows = rows or [row for row, is_bare in zip(all_rows, bare, strict=True) if len(row) > 2 and all(is_bare)]
     if not rows or "voltage" in (columns or {}) or _has(file, VOLTAGE, columns, cell_names(file.names)):
         return file
@@ -123,7 +123,7 @@ def _may_be_voltage(name: str) -> bool:
     units = [unit for _, unit in split_unit(name) if unit is not None and unit.symbol != "1"]
     if units and not any(unit.dimension == "voltage" for unit in units):
         return False
-    stem, _ = next(split_unit(name))
+    stem, _ = split_unit(name)[0]
     return not _OTHER_THAN_VOLTAGE & set(letters(stem))
 
 

@@ -204,7 +204,7 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names, with a number before the unit of repeated ones: `Temp`, `Temp 2`; `I 2 [A]`."""
     unique: list[str] = []
     for name in names:
-        stem, unit = next(split_unit(name))
+        stem, unit = split_unit(name)[0]
         number = 2
         free = name
         while free and free in unique:
@@ -243,7 +243,7 @@ def find_column(
     elif channel.required and not optional:
         near = _nearest(names, channel)
         fault = f"no column for the {quantity} found"
-        counters = [n for n in free if (unit := next(split_unit(n))[1]) and unit.dimension in ("charge", "energy")]
+        counters = [n for n in free if (unit := split_unit(n)[0][1]) and unit.dimension in ("charge", "energy")]
         if channel is CURRENT and counters:
             fault += f" (charge or energy is counted in {listed(counters)}: log the current beside it)"
         raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: near})
@@ -386,7 +386,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
 
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     """The column whose name begins like that of a channel or is misspelled, or the only one with its unit; or None."""
-    units = {name: next(split_unit(name))[1] for name in names}
+    units = {name: split_unit(name)[0][1] for name in names}
     likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
     if channel is TIME:  # `temp` is much like `tempo`
         likely = [name for name in likely if not _TEMPERATURES & set(channel.split(name))]
@@ -463,5 +463,5 @@ def _require_bdf_columns(file: str, names: Sequence[str]) -> None:
 
 def _quantity(name: str) -> tuple[str, str]:
     """The name without its unit, and the dimension of that unit, "" for none."""
-    stem, unit = next(split_unit(name))
+    stem, unit = split_unit(name)[0]
     return stem, unit.dimension if unit else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -150,14 +151,15 @@ def unit_of(spelling: str) -> Unit | None:
     return Unit(f"{found['factor']} {unit.symbol}", unit.dimension, float(found["factor"]) * unit.scale)
 
 
-def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
+@lru_cache(maxsize=4096)
+def split_unit(name: str) -> tuple[tuple[str, Unit | None], ...]:
     """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name.
 
     Labels keep their place behind the stem: `current{robot="r1"} [A]`.
     """
     labels = "".join(LABELS.findall(name))
-    for stem, unit in _divisions(LABELS.sub("", name).strip().removesuffix("()")):
-        yield stem + labels, unit
+    divisions = _divisions(LABELS.sub("", name).strip().removesuffix("()"))
+    return tuple((stem + labels, unit) for stem, unit in divisions)
 
 
 def _divisions(name: str) -> Iterator[tuple[str, Unit | None]]:

@@ -38,8 +38,9 @@ AFTER_EMPTY_SOC, MOST_AFTER_EMPTY = 0.02, 0.15
 #: this many times that contradict it: the most on measured cells is 1.7, also from starts that were given 30 points
 #: wrong. The counted charge, at most this share of the capacity, is known to within this share of itself.
 MOST_MOVED, MOST_COUNTED, COUNTED_STD = 3.5, 0.1, 0.2
-#: Number of estimates along a log that are compared; none across samples with these flags.
-_COMPARED = 500
+#: Number of estimates along a log that are compared, and how many with all before them at once, so that the tables stay
+#: in the cache; none across samples with these flags.
+_COMPARED, _AT_ONCE = 500, 64
 _APART = SocFlag.GAP | SocFlag.RESTARTED | SocFlag.DIVERGED | SocFlag.NO_CURRENT | SocFlag.EXCHANGED
 #: A filter with the right battery misses half of the voltages by less than this share of them.
 MOST_MISSED = 0.05
@@ -135,13 +136,19 @@ def moved_uncounted(
     time_s = time_s[rows]
     offset_Ah = sensor.offset_A / SECONDS_PER_HOUR * (time_s - time_s[0])
     counted = (charge_Ah[rows] - offset_Ah) / capacity_Ah
-    apart = np.subtract.outer(estimates.soc[rows] - counted, estimates.soc[rows] - counted)
-    counted_std = COUNTED_STD * np.subtract.outer(counted, counted)
-    offset_std = sensor.offset_std_A / SECONDS_PER_HOUR / capacity_Ah * np.subtract.outer(time_s, time_s)
-    std = np.sqrt(estimates.soc_std[rows] ** 2 + counted_std**2 + offset_std**2)
-    comparable = np.equal.outer(part, part) & (np.abs(counted_std) < COUNTED_STD * MOST_COUNTED)
-    later = comparable & np.tri(len(rows), k=-1, dtype=bool)
-    return float(np.max(np.abs(apart) / std, initial=0.0, where=later & (std > 0.0)))
+    uncounted, soc_std = estimates.soc[rows] - counted, estimates.soc_std[rows]
+    offset_std_per_s = sensor.offset_std_A / SECONDS_PER_HOUR / capacity_Ah
+    most = 0.0
+    for first in range(0, len(rows), _AT_ONCE):
+        now, before = slice(first, first + _AT_ONCE), slice(first + _AT_ONCE)
+        apart = np.subtract.outer(uncounted[now], uncounted[before])
+        counted_std = COUNTED_STD * np.subtract.outer(counted[now], counted[before])
+        offset_std = offset_std_per_s * np.subtract.outer(time_s[now], time_s[before])
+        std = np.sqrt(soc_std[before] ** 2 + counted_std**2 + offset_std**2)
+        comparable = np.equal.outer(part[now], part[before]) & (np.abs(counted_std) < COUNTED_STD * MOST_COUNTED)
+        later = comparable & np.greater.outer(rows[now], rows[before])
+        most = float(np.max(np.abs(apart) / std, initial=most, where=later & (std > 0.0)))
+    return most
 
 
 def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
