@@ -68,10 +68,10 @@ def with_charge_seen(battery: Battery, log: Log) -> Battery:
     """
     noise = battery.noise
     not_charging = log.current_A <= REST_CURRENT_C * battery.capacity_Ah
-    highest_V = np.sort(log.voltage_V[not_charging & np.isfinite(log.voltage_V)])[-_REACHED_BY:]
-    if not noise.full_soc_std or highest_V.size < _REACHED_BY:
+    still_V = log.voltage_V[not_charging & np.isfinite(log.voltage_V)]
+    if not noise.full_soc_std or still_V.size < _REACHED_BY:
         return battery
-    farthest = 1.0 - float(rule_of(battery).soc_at(highest_V[0]))
+    farthest = 1.0 - float(rule_of(battery).soc_at(np.partition(still_V, -_REACHED_BY)[-_REACHED_BY]))
     return replace(battery, noise=replace(noise, full_soc_std=min(noise.full_soc_std, farthest)))
 
 
