@@ -16,7 +16,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.battery.soc.voltage_faults import JUMP_LASTS_S, JUMP_SHARE
+from ohmward.battery.soc.voltage_faults import JUMP_LASTS_S, JUMP_SHARE, VoltageLevel
 from ohmward.filters.belief import unpack
 
 NOISE = BatteryNoise()
@@ -134,13 +134,14 @@ def test_half_an_hour_of_a_fault_is_survived_and_the_estimate_returns(name, faul
     assert abs(error[-1]) < 0.1
 
 
-@pytest.mark.parametrize("fault", ["voltage +0.2 V", "voltage -0.2 V", "voltage of another battery", "current stuck"])
+@pytest.mark.parametrize("fault", ["voltage +0.2 V", "voltage -0.2 V", "current stuck"])
 def test_a_lasting_contradiction_is_noticed_in_time(fault):
-    _, estimates = run("ekf", broken(OUTAGE, **LASTING[fault]))
+    """A voltage that jumped is not used for as long as it had kept its level before."""
+    _, estimates = run("ekf", broken(slice(FIRST, LENGTH), **LASTING[fault]))
     lost = flagged(estimates, SocFlag.DIVERGED)
     assert lost.size
-    assert lost[0] >= FIRST + 60
-    assert estimates.soc_std[lost[0] : LAST].max() > 0.1
+    assert FIRST + 60 <= lost[0] <= 2 * FIRST + 120
+    assert estimates.soc_std[lost[0] :].max() > 0.1
 
 
 def test_a_voltage_that_stands_still_under_changing_loads_is_flagged_and_covered():
@@ -180,16 +181,60 @@ def test_rare_spikes_of_the_voltage_hardly_change_an_estimate_from_the_label(spi
     label = generic_battery("lfp", 12.0, 4)
     good, spiked = (SocEstimator(label).run(replace(day, voltage_V=v)) for v in (day.voltage_V, voltage_V))
     assert np.abs(spiked.soc - good.soc).max() < 0.01
-    assert spiked.counts()["voltage_rejected"] == len(spiked_at)
+    rejected = flagged(spiked, SocFlag.VOLTAGE_REJECTED)
+    assert set(spiked_at) <= set(rejected) and len(rejected) < 1.05 * len(spiked_at)
 
 
-def test_a_jump_is_used_once_it_has_lasted():
+def test_a_jump_is_used_once_it_has_lasted_as_long_as_the_level_before():
+    begin = 600
     columns = samples(TRUTH)
-    columns.voltage_V[FIRST:] += 0.5
+    columns.voltage_V[begin:] -= 0.5
     _, estimates = run("ekf", columns)
-    lasted = FIRST + int(JUMP_LASTS_S)
-    assert flagged(estimates, SocFlag.VOLTAGE_REJECTED)[: lasted - FIRST].tolist() == list(range(FIRST, lasted))
-    assert np.isfinite(estimates.innovation_V[lasted])
+    rejected = flagged(estimates, SocFlag.VOLTAGE_REJECTED)
+    lasted = begin + int(JUMP_LASTS_S) + begin
+    assert rejected[: lasted - begin - 10].tolist() == list(range(begin, lasted - 10))
+    assert np.isfinite(estimates.innovation_V[begin + int(JUMP_LASTS_S) :]).all()
+    assert flagged(estimates, SocFlag.DIVERGED)[0] >= lasted - 10
+
+
+@pytest.mark.parametrize("offset_V", [0.08, -0.08, 0.15, -0.15])
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_a_false_voltage_of_minutes_hardly_changes_an_estimate(name, offset_V):
+    """As of a sense wire that comes loose under changing loads."""
+    _, good = run(name, broken(OUTAGE))
+    _, estimates = run(name, broken(slice(FIRST, FIRST + 1200), voltage_V=lambda v: v + offset_V))
+    assert np.abs(estimates.soc - good.soc).max() < 0.005
+    assert flagged(estimates, SocFlag.VOLTAGE_REJECTED).tolist() == list(range(FIRST, FIRST + 1200))
+
+
+@pytest.mark.parametrize("offset_V", [0.4, -0.4])
+def test_hypotheses_hold_the_same_voltages_to_be_false(offset_V):
+    day = make_robot_day("lfp").mission.between(0.0, 3 * 3600.0)
+    voltage_V = day.voltage_V.copy()
+    voltage_V[(day.time_s >= 5400.0) & (day.time_s < 6300.0)] += offset_V
+    label = generic_battery("lfp", 12.0, 4)
+    good, false = (SocEstimator(label).run(replace(day, voltage_V=v)) for v in (day.voltage_V, voltage_V))
+    assert np.abs(false.soc - good.soc).max() < 0.02
+
+
+def test_a_given_state_of_charge_is_no_jump_of_the_voltage():
+    estimator = SocEstimator(generic_battery("nmc", 2.0), 0.5)
+    columns = samples(TRUTH)
+    for k in range(200):
+        estimator.update(float(k), columns.current_A[k], columns.voltage_V[k], 25.0)
+    estimator.correct_soc(0.05)
+    estimate = estimator.update(200.0, columns.current_A[200], columns.voltage_V[200], 25.0)
+    assert abs(estimate.innovation_V) > 0.2 and not estimate.flags & SocFlag.VOLTAGE_REJECTED
+
+
+def test_a_level_is_left_at_once_and_found_again():
+    level = VoltageLevel(0.01, 0.0, 100.0, 1e-4)
+    assert not bool(level.leaves(0.06, 0.0026)) and bool(level.leaves(0.07, 0.0026))
+    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_)
+    assert (float(away.mean_V), float(away.trusted_s)) == (0.01, 98.0)
+    assert float(away.away_V) == pytest.approx(0.06)
+    assert bool(away.leaves(0.045, 1.0)) and not bool(away.leaves(0.035, 1.0))
+    assert not bool(away._replace(trusted_s=0.0).leaves(0.07, 1.0))
 
 
 @pytest.mark.parametrize("lag", [0, 1])

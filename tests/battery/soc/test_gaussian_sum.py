@@ -73,7 +73,9 @@ def test_weights_are_the_products_of_the_likelihoods():
         moved_As = abs(columns.current_A[max(k - 1, 0) : k + 1].mean()) * sample.dt_s
         log_weights *= math.exp(-moved_As / STRAIGHT.capacity_As)
         for j, member in enumerate(members):
-            done = settings.member.advance(member, settings.member.take_in(member, sample), False)
+            taken = settings.member.take_in(member, sample)
+            foresight = settings.member.foresee(member, taken, False)
+            done = settings.member.advance(member, taken, False, foresight, np.False_)
             innovation = done.update.correction.innovation
             log_weights[j] += norm.logpdf(innovation.value[0], scale=np.sqrt(innovation.cov[0, 0]))
             members[j] = done.state

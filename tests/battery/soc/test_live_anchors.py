@@ -27,6 +27,10 @@ def anchored_filter(chemistry, name="gsf"):
     return make_estimator(name, label(chemistry), EstimatorSettings(anchors=True))
 
 
+def corrected(settings, state, prior, clean, event):
+    return settings.correct(state, settings.compare(state, prior, clean, event), clean, np.False_)
+
+
 def anchored(run):
     return np.flatnonzero(run.flags.astype(int) & SocFlag.ANCHORED)
 
@@ -38,7 +42,7 @@ def test_an_event_is_the_kalman_update_by_soc_itself(method):
     clean = settings.sanitize(state, SocSample(1.0, -1.0, 3.7, 25.0))
     prior = settings.predict(state, clean)
     told = prior.mean[0] + 0.05
-    update = settings.correct(state, prior, clean, AnchorEvent(np.True_, np.False_, told, 0.02))
+    update = corrected(settings, state, prior, clean, AnchorEvent(np.True_, np.False_, told, 0.02))
     expected = correct_state(prior, 0, told, 0.02**2)
     np.testing.assert_allclose(update.belief.mean, expected.mean, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(update.belief.cov, expected.cov, rtol=1e-9, atol=1e-12)
@@ -57,7 +61,8 @@ def test_an_event_far_from_the_belief_passes_every_gate():
     settings = TheveninFilter(NMC, BatteryNoise())
     state = settings.init(SocSample(0.0, 0.0, 3.7, 25.0), 0.3, 0.01)
     clean = settings.sanitize(state, SocSample(1.0, 0.0, 3.7, 25.0))
-    update = settings.correct(state, settings.predict(state, clean), clean, AnchorEvent(np.True_, np.False_, 1.0, 0.01))
+    event = AnchorEvent(np.True_, np.False_, 1.0, 0.01)
+    update = corrected(settings, state, settings.predict(state, clean), clean, event)
     assert update.belief.mean[0] > 0.6
 
 
@@ -66,8 +71,8 @@ def test_no_event_is_the_filter_without_anchors():
     state = settings.init(SocSample(0.0, 0.0, 3.7, 25.0), 0.5)
     clean = settings.sanitize(state, SocSample(1.0, -1.0, 3.65, 25.0))
     prior = settings.predict(state, clean)
-    with_rule = settings.correct(state, prior, clean, AnchorEvent(np.False_, np.False_, 0.9, 0.01))
-    without = settings.correct(state, prior, clean, NO_EVENT)
+    with_rule = corrected(settings, state, prior, clean, AnchorEvent(np.False_, np.False_, 0.9, 0.01))
+    without = corrected(settings, state, prior, clean, NO_EVENT)
     np.testing.assert_array_equal(with_rule.belief.mean, without.belief.mean)
     np.testing.assert_array_equal(with_rule.belief.cov, without.belief.cov)
 

@@ -18,9 +18,9 @@ BATTERY = generic_battery("nmc", 2.0)
 #: out, and what a bank's members do alike in one vector counted once.
 OPERATIONS = {
     "textbook-ekf": (149, 241),
-    "ekf": (1638, 2282),
-    "gsf": (4277, 2867),
-    "ukf": (5047, 8543),
+    "ekf": (1697, 2341),
+    "gsf": (4441, 2959),
+    "ukf": (5106, 8602),
 }
 
 

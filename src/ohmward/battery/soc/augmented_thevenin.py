@@ -148,6 +148,7 @@ class VoltageError(NamedTuple):
     axis_std_V: Scalar = 0.0  #: the same as a voltage
     level_std_V: Scalar = 0.0  #: of the error of the curve's level, the unit of the state `level_error`
     gain_std_V: Scalar = 0.0  #: of the error by the voltage sensor's gain, the unit of `voltage_gain_error`
+    total_ohm: Scalar = 0.0  #: resistance to a steady current
 
 
 @dataclass(frozen=True)
@@ -384,7 +385,8 @@ class AugmentedThevenin:
         uncertain_V2 = self.overpotential_share(soc, u) ** 2 * over_V2
         if not self.axis_is_shift:
             uncertain_V2 = uncertain_V2 + (axis_std * slope[0]) ** 2
-        momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
+        total_ohm = self.total_ohm(state, u)
+        momentary_V = total_ohm * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
         curve_V, level_V = noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
         return VoltageError(
@@ -398,6 +400,7 @@ class AugmentedThevenin:
             axis_std_V=shift_std * slope[0],
             level_std_V=level_V,
             gain_std_V=noise.gain_error_V(soc, u, self.model),
+            total_ohm=total_ohm,
         )
 
     def error_shares(self, soc: Scalar, u: CircuitInput) -> dict[str, Scalar]:

@@ -118,9 +118,14 @@ class GaussianSumFilter:
         """State and estimate after a sample."""
         taken = self.member.take_in(state.members[0], sample)
         diverged = reduce(and_, map(self.member.has_diverged, state.members)) | taken.misled
-        steps = [
-            self.member.advance(member, taken, diverged, forget)
+        foresights = [
+            self.member.foresee(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
+        ]
+        left = most_likely([foresight.leaves for foresight in foresights], state.log_weights)
+        steps = [
+            self.member.advance(member, taken, diverged, foresight, left)
+            for member, foresight in zip(state.members, foresights, strict=True)
         ]
         accepted = reduce(or_, (step.update.accepted for step in steps))
         walk_A2 = self.walk_variance(state.walk_A2, taken.sample)

@@ -25,7 +25,7 @@ from ohmward.battery.soc.initial_soc import axis_error_V
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
-from ohmward.battery.soc.voltage_faults import HeldVoltage
+from ohmward.battery.soc.voltage_faults import HeldVoltage, VoltageLevel
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
@@ -65,7 +65,11 @@ def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) ->
     def rested(member: FilterState) -> FilterState:
         belief = settings.system.at_rest(unpack(member.belief), away_s, float(member.temperature_degC))
         return member._replace(
-            belief=pack(inflate(belief, SOC, moved_std**2)), current_A=0.0, rest_s=0.0, held=HeldVoltage()
+            belief=pack(inflate(belief, SOC, moved_std**2)),
+            current_A=0.0,
+            rest_s=0.0,
+            held=HeldVoltage(),
+            level=VoltageLevel(),
         )
 
     return state.with_members([rested(member) for member in state.members], state.log_weights)
@@ -84,7 +88,11 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     u = first_input(sample, filter_.limits.current_A)
     clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
     weights = np.exp(relative(state.log_weights))
-    updates = [filter_.correct(member, unpack(member.belief), clean) for member in state.members]
+    foresights = [filter_.compare(member, unpack(member.belief), clean) for member in state.members]
+    updates = [
+        filter_.correct(member, foresight, clean, np.False_)
+        for member, foresight in zip(state.members, foresights, strict=True)
+    ]
     like = np.array([_is_like_before(update, u, filter_) for update in updates], dtype=float)
     agree = float(weights @ like)
     if abs(whole.start.soc - before.soc) > CONTRADICTS_STD * before.std or agree < LEAST_AGREEING * weights.sum():
@@ -171,7 +179,9 @@ def _corrected(
     belief, _ = settings.within_limits(belief)
     known = {name: float(value) for name, value in settings.system.known(belief).items()}
     anchors = state.anchors._replace(discharged=0.0)
-    after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=anchors, evidence=evidence)
+    after = state._replace(
+        belief=pack(belief), rejected_s=0.0, anchors=anchors, evidence=evidence, level=VoltageLevel()
+    )
     return after, estimate._replace(**known, flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED)
 
 

@@ -34,7 +34,16 @@ from ohmward.battery.soc.clean_sample import (
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.battery.soc.voltage_faults import JUMP_LASTS_S, HeldVoltage, without_frozen, without_jump
+from ohmward.battery.soc.voltage_faults import (
+    JUMP_LASTS_S,
+    JUMP_S,
+    JUMP_SIGMAS,
+    USUAL_SHARE,
+    HeldVoltage,
+    VoltageLevel,
+    without_frozen,
+    without_jump,
+)
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
@@ -67,6 +76,7 @@ class FilterState(NamedTuple):
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
     held: HeldVoltage = HeldVoltage()  #: memory for a voltage that jumps or stands still
     evidence: CapacityEvidence = CapacityEvidence()  #: what voltages and events have shown of the capacity
+    level: VoltageLevel = VoltageLevel()  #: memory for a voltage that jumps by less
 
     @property
     def members(self) -> tuple[FilterState]:
@@ -93,6 +103,20 @@ class CleanInput(NamedTuple):
     misled: Any  #: the condition that SoC was learnt from a dead sensor
 
 
+class Foresight(NamedTuple):
+    """The prior of a step beside its voltage, which has not been used yet."""
+
+    prior: Belief  #: before the voltage
+    event: AnchorEvent  #: used in place of the voltage, if there is one
+    rest_s: Scalar  #: time for which the current has looked like rest
+    error: VoltageError  #: of the voltage, or of the event
+    R: Scalar  #: measurement noise variance of the update [V^2]
+    correction: Correction  #: by the voltage, or by the SoC of the event
+    level: VoltageLevel  #: before the voltage
+    measured: Any  #: the condition that there is a voltage, and no event in its place
+    leaves: Any  #: the condition that it left its level
+
+
 class TheveninUpdate(NamedTuple):
     """The belief after a voltage, or the prior where it was not used."""
 
@@ -107,6 +131,7 @@ class TheveninUpdate(NamedTuple):
     R: Scalar  #: measurement noise variance of the update [V^2]
     error: VoltageError  #: of the voltage, or of the anchor event used in its place
     evidence: CapacityEvidence  #: about the capacity, after it
+    level: VoltageLevel  #: after it
 
 
 class TheveninStep(NamedTuple):
@@ -226,7 +251,9 @@ class TheveninFilter:
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
         taken = self.take_in(state, sample)
-        done = self.advance(state, taken, self.has_diverged(state) | taken.misled)
+        diverged = self.has_diverged(state) | taken.misled
+        foresight = self.foresee(state, taken, diverged)
+        done = self.advance(state, taken, diverged, foresight, foresight.leaves)
         return done.state, with_misfit(done.estimate, self.sensor)
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
@@ -238,23 +265,32 @@ class TheveninFilter:
         return belief
 
     def has_diverged(self, state: FilterState) -> Any:
-        """True where the voltage has contradicted the belief for too long."""
-        return state.rejected_s > self.reset_after_s
+        """True where the voltage has contradicted the belief for too long, and is not held to be false."""
+        return (state.rejected_s > self.reset_after_s) & logical_not(state.level.is_away)
 
-    def advance(
+    def foresee(
         self,
         state: FilterState,
         taken: CleanInput,
         diverged: Any,
         forget_soc: Callable[[Belief], Belief] = forget_soc,
-    ) -> TheveninStep:
-        """The step on a clean sample; where the filter has diverged, SoC is declared unknown first, by `forget_soc`."""
+    ) -> Foresight:
+        """The prior beside the voltage; where the filter has diverged, SoC is declared unknown by `forget_soc`."""
         clean, prior = taken.sample, self.predict(state, taken.sample)
         rest_s = self.rest_s(state, prior, clean)
-        resting = self.is_resting(rest_s)
-        prior = self.zero_current_update(prior, clean, resting)
+        prior = self.zero_current_update(prior, clean, self.is_resting(rest_s))
         prior = choose(diverged, self.with_new_curve_errors(forget_soc(prior)), prior)
-        update = self.correct(state, prior, clean, taken.event)
+        other = diverged | taken.event.gives_soc | (clean.dt_s > JUMP_S)  # the belief moves, not the voltage
+        level = choose(other, VoltageLevel(), state.level)
+        return self.compare(state._replace(level=level), prior, clean, taken.event)._replace(rest_s=rest_s)
+
+    def advance(
+        self, state: FilterState, taken: CleanInput, diverged: Any, foresight: Foresight, left: Any
+    ) -> TheveninStep:
+        """The step on a clean sample; left: the condition that its voltage is held to be none of the battery's."""
+        clean, rest_s = taken.sample, foresight.rest_s
+        resting = self.is_resting(rest_s)
+        update = self.correct(state, foresight, clean, left)
         posterior, limited = self.within_limits(update.belief)
 
         contradicts_still = update.contradicts & logical_not(diverged)  # a reset restarts the timer
@@ -270,6 +306,7 @@ class TheveninFilter:
             clean.now.unknown_K,
             taken.held,
             update.evidence,
+            update.level,
         )
         flags = clean.flags + flags_of(
             {
@@ -314,13 +351,13 @@ class TheveninFilter:
         Q = self.system.process_noise(before.mean, clean)
         return METHODS[self.method].predict(before, lambda x: self.system.next_state(x, clean), Q)
 
-    def correct(
+    def compare(
         self, state: FilterState, prior: Belief, clean: CleanSocSample, event: AnchorEvent = NO_EVENT
-    ) -> TheveninUpdate:
-        """The belief after the voltage of the step; at a full charge or a cut-off, SoC is measured in its place.
+    ) -> Foresight:
+        """The voltage of the step beside the one that the prior expects, or the SoC of an anchor event.
 
-        Charger and protection define full and empty, so these events pass without a gate. R counts an error of the
-        model for minutes, so it is never far below H P H': the plain difference P - K S K' keeps its digits.
+        R counts an error of the model for minutes, so it is never far below H P H': the plain difference P - K S K'
+        keeps its digits.
         """
         system, anchored = self.system, event.gives_soc
         error = self.voltage_error(prior, clean)
@@ -333,8 +370,32 @@ class TheveninFilter:
             return np.array([where(anchored, x[SOC], system.voltage(x, clean, error)[0])])
 
         correction = METHODS[self.method].correct(prior, y, measured, R)
-        (nu,), repeated = correction.innovation.value, R[0, 0] - error.variance
-        used_now = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(anchored)
+        has_voltage = clean.voltage_measured & logical_not(anchored)
+        level = state.level._replace(square_V2=maximum(state.level.square_V2, self.least_square_V2))
+        change_A = maximum(abs(clean.change_A), abs(clean.now.current_A - state.held.current_A))
+        drop_V = error.total_ohm * change_A
+        sample_V2 = correction.innovation.cov[0, 0] - (R[0, 0] - error.variance)
+        expected_V2 = JUMP_SIGMAS**2 * level.square_V2 + drop_V * drop_V + sample_V2
+        leaves = has_voltage & level.leaves(correction.innovation.value[0], expected_V2)
+        return Foresight(prior, event, 0.0, error, R[0, 0], correction, level, has_voltage, leaves)
+
+    @property
+    def least_square_V2(self) -> float:
+        """Least mean square deviation of the innovation from its level [V^2]."""
+        return 2.0 * self.noise.voltage_std_V**2 + (USUAL_SHARE * self.model.ocv.voltage_V[-1]) ** 2
+
+    def correct(self, state: FilterState, foresight: Foresight, clean: CleanSocSample, left: Any) -> TheveninUpdate:
+        """The belief after the voltage of the step; at a full charge or a cut-off, SoC is measured in its place.
+
+        left: the condition that the voltage is held to be none of the battery's.
+
+        Charger and protection define full and empty, so these events pass without a gate.
+        """
+        prior, event, _, error, R, correction, *_ = foresight
+        system, anchored = self.system, event.gives_soc
+        y = np.array([where(anchored, event.soc, clean.voltage_V)])
+        (nu,), repeated = correction.innovation.value, R - error.variance
+        used_now = foresight.measured & passes(correction.innovation, self.gate) & logical_not(left)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         updated = apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0))
         belief, evidence = count_once(self.evidence_before(state, prior, clean), prior, updated, system.gain_index)
@@ -346,9 +407,12 @@ class TheveninFilter:
             noise=choose(used_now, noise, state.noise),
             accepted=used_now | anchored,
             contradicts=self.contradicts(correction.innovation, repeated) & logical_not(anchored),
-            R=R[0, 0],
+            R=R,
             error=choose(anchored, VoltageError(0.0, error.variance, error.weight), error),
             evidence=evidence,
+            level=foresight.level.after(
+                nu, nu * R / correction.innovation.cov[0, 0], clean.dt_s, foresight.measured, left
+            ),
         )
 
     def evidence_before(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> CapacityEvidence:

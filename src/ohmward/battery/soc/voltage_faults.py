@@ -3,6 +3,10 @@
 The voltage of a battery changes at once by the drop of its current alone; another value is a fault of a sensor, a
 converter or a message. Used, it decides between hypotheses that are all far from it, and as the first voltage it starts
 an estimate at the wrong state of charge.
+
+Large jumps are found in the voltage itself, smaller ones in its innovation: a wire that comes loose moves it at once,
+an error of the state of charge or of the curve never does. Neither side of a jump is known to be the true one: the one
+that has lasted longer counts.
 """
 
 from __future__ import annotations
@@ -45,6 +49,58 @@ JUMP_LASTS_S = 30.0
 SETTLED_AFTER = 10
 #: Samples in which that is sought before the whole log is looked at.
 _FIRST_LOOKED_AT = 4096
+
+
+#: An innovation jumps if it leaves its mean over `LEVEL_S` by this many of its usual deviations, these over `USUAL_S`
+#: [s] but not below the noise and this share of the voltage of the full battery. Beyond that it may leave by the drop
+#: of the last changes of the current: the resistance may be wrong, and the voltage may lag.
+JUMP_SIGMAS, LEVEL_S, USUAL_S, USUAL_SHARE = 5.0, 5.0, 30.0, 0.002
+#: One that jumped has come back where less than this share of the jump is left.
+BACK_SHARE = 0.5
+#: It is used all the same once it has been away for as long as it had kept its level before, but at most this [s]:
+#: by then the charge counted meanwhile is no better.
+MOST_TRUSTED_S = 1800.0
+
+
+class VoltageLevel(NamedTuple):
+    """The level that the innovation keeps, and a jump away from it."""
+
+    mean_V: Scalar = 0.0  #: innovation that the last voltages at that level left
+    away_V: Scalar = 0.0  #: jump away from it; 0 while there is none
+    trusted_s: Scalar = 0.0  #: time for which the voltage has kept its level, less the time for which it has been away
+    square_V2: Scalar = 0.0  #: mean square deviation from it
+
+    @property
+    def is_away(self) -> Any:
+        """True while the voltage is away from its level."""
+        return abs(self.away_V) > 0.0
+
+    def leaves(self, innovation_V: Scalar, expected_V2: Scalar) -> Any:
+        """True for an innovation that jumps, or has not come back; expected_V2: square of the largest that is no jump.
+
+        It has come back where the rest of the jump is small.
+        """
+        off_V = innovation_V - self.mean_V
+        still_V2 = BACK_SHARE * BACK_SHARE * self.away_V * self.away_V
+        return (off_V * off_V > where(self.is_away, still_V2, expected_V2)) & (self.trusted_s > 0.0)
+
+    def after(self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any) -> VoltageLevel:
+        """The level after a voltage.
+
+        residual_V: what is left of the innovation once the voltage has been used.
+        left: the condition that it is held to be none of the battery's.
+        """
+        off_V = innovation_V - self.mean_V
+        used = measured & logical_not(left)
+        newest = where(self.trusted_s > 0.0, dt_s / (dt_s + LEVEL_S), 1.0)
+        usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + USUAL_S), 0.0)
+        change_s = where(used, dt_s, where(left, -dt_s, 0.0))
+        return VoltageLevel(
+            self.mean_V + where(used, newest, 0.0) * (residual_V - self.mean_V),
+            where(left, where(self.is_away, self.away_V, off_V), 0.0),
+            minimum(self.trusted_s + change_s, MOST_TRUSTED_S),
+            self.square_V2 + usual * (minimum(off_V * off_V, 9.0 * self.square_V2) - self.square_V2),
+        )
 
 
 class HeldVoltage(NamedTuple):
