@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.dates import MONTHS
 from ohmward.logs.table import MISSING, Note, counted, number
 from ohmward.logs.units import Unit, split_unit, unit_of
 
@@ -28,8 +29,9 @@ _MEASURED = re.compile(
 )
 _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
 _DATE_MARKS = r"\d{1,4}\s*[-/.年년]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月월]\s*\d{1,4}|\d{4}-\d{3}"
-_MONTH = r"\b(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*\b"
-_TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE)
+_TIME = re.compile(
+    rf"{_TIME_OF_DAY}|{_DATE_MARKS}|\b(?:{MONTHS})[a-z]*\b.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE
+)
 _DATE = re.compile(_DATE_MARKS)
 #: Delimiters of cells that occur in no date and no number.
 _MARKS = re.compile(r"[;|\t]")

@@ -27,11 +27,12 @@ _ZONE_HOURS = {
     "AKDT": -8, "HST": -10, "JST": 9, "KST": 9, "AWST": 8, "ACST": 9.5, "ACDT": 10.5, "AEST": 10, "AEDT": 11,
     "NZST": 12, "NZDT": 13,
 }  # fmt: skip
+#: Beginnings of the names of months and of weekdays, in English.
+MONTHS, _WEEKDAYS = "jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec", "mon|tue|wed|thu|fri|sat|sun"
 #: The offset from UTC or the abbreviation of a zone, no weekday or month, perhaps with another name behind it:
 #: `+01:00`, `UTC+1`, `CET`, `+0100 CET`, `+01:00[Europe/Berlin]`, `GMT+0100 (Central European Standard Time)`.
-_NO_ZONE = "MON|TUE|WED|THU|FRI|SAT|SUN|JAN|FEB|MAR|APR|MAY|JUN|JUL|AUG|SEP|OCT|NOV|DEC"
 _ZONE = (
-    rf"(?:(?:UTC|GMT|Z)?(?P<ahead>[+-]\d{{1,2}}(?::?\d\d)?)|(?P<zone>Z|(?!{_NO_ZONE})[A-Z]{{3,5}}))"
+    rf"(?:(?:UTC|GMT|Z)?(?P<ahead>[+-]\d{{1,2}}(?::?\d\d)?)|(?P<zone>Z|(?!(?i:{_WEEKDAYS}|{MONTHS}))[A-Z]{{3,5}}))"
     r"(?:\s?\[[^\]]*\]|\s\([^)]*\)|\s[A-Z]{3,5})?(?=$|\s)"
 )
 _TIME = re.compile(
@@ -41,18 +42,20 @@ _TIME = re.compile(
 #: 09.15.00 and 09-15-00 behind a date, in Finnish behind `klo`.
 _DOTTED_TIME = re.compile(r"(?<=\d)[\sT_]+(?:klo\s+)?(\d{1,2})([.-])(\d\d)\2(\d\d(?:[.,]\d+)?)$")
 _COMPACT = re.compile(r"^(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d(?:[.,]\d+)?)(Z?)$")
-_YEAR_FIRST = re.compile(r"^(\d{4})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{1,2})$")
-_YEAR_LAST = re.compile(r"^(\d{1,2})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{4}|\d\d)$")
-_NAMED = re.compile(r"^(\d{1,2})[-/\s.]+([A-Za-z]{3,9})\.?[-/\s,]+(\d{4}|\d\d)$")
-_NAMED_FIRST = re.compile(r"^([A-Za-z]{3,9})\.?\s+(\d{1,2})(?:,?\s+(\d{4}))?$")
+_MARK, _NAME = r"\s*[-/.]\s*", rf"(?:{MONTHS})[a-z]*\.?"
+#: 2026-03-28, 28.3.26, 28 March 2026, Mar 28
+_DAY = re.compile(
+    rf"\d{{4}}{_MARK}\d\d?{_MARK}\d\d?|\d\d?{_MARK}\d\d?{_MARK}\d\d(?:\d\d)?"
+    rf"|\d\d?[-/\s.]+{_NAME}[-/\s,]+\d\d(?:\d\d)?|{_NAME}\s+\d\d?(?:,?\s+\d{{4}})?",
+    re.IGNORECASE,
+)
 #: Signs of East Asian dates, weekdays and halves of a day: `2026/3/28(土) 午後 3:05:00`, `2026년 3월 28일 9시 5분`.
 _SIGNS = str.maketrans("年月日년월일時时시分분秒초", "-- -- :::::  ")
 _WEEKDAY_SIGN = re.compile(r"[(（][日月火水木金土一二三四五六일월화수목금토][)）]|星期.|.요일")
 _HALF = re.compile(r"上午|午前|오전|(?P<pm>下午|午後|오후)")
 #: Year of dates that name none, as those of syslog: it has a 29 February.
 _ANY_YEAR = 2000
-_WEEKDAY = re.compile(r"\(?\b(?:mon|tue|wed|thu|fri|sat|sun)(?:[a-z]*day)?\b\.?\)?,?", re.IGNORECASE)
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_WEEKDAY = re.compile(rf"\(?\b(?:{_WEEKDAYS})(?:[a-z]*day)?\b\.?\)?,?", re.IGNORECASE)
 #: 0d 00:00:01.00, 0.00:00:01.00, 1 day, 2:03:04, 27:00:00.5
 _DURATION = re.compile(
     r"^\s*(?:(?P<d>\d+)(?:\s*d(?:ays?)?,?\s*|\.|\s+))?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)\s*$"
@@ -160,7 +163,7 @@ def _read_any(cells: Sequence[str]) -> Dates:
     number, certain = _day_numbers(list(days), halves, [(moment.day, moment.second) for moment in known])
     seconds = [np.nan if m is None else DAY_S * number[m.day] + m.second for m in moments]
     zone = next((m.zone for m in known if m.zone), "")
-    has_year = all(found is None or found[3] for found in map(_NAMED_FIRST.match, days))
+    has_year = all(len(re.findall(r"\d+", day)) > 1 for day in days)
     return Dates(np.array(seconds), all(m.is_utc for m in known), certain, has_year, zone)
 
 
@@ -185,8 +188,7 @@ def _moment(cell: str) -> Moment:
 def _day(text: str) -> str:
     """The day in a date without its time, without the weekday; "" if there is none."""
     day = " ".join(_WEEKDAY.sub("", text).replace(",", ", ").split()).strip(" ,T")
-    is_day = any(notation.match(day) for notation in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _NAMED_FIRST))
-    return day if is_day else ""
+    return day if _DAY.fullmatch(day) else ""
 
 
 def _hours_ahead(found: re.Match[str]) -> float | None:
@@ -234,26 +236,18 @@ def _day_numbers(
 
 @lru_cache(4096)
 def _day_number(text: str, order: str) -> int:
-    if found := _YEAR_FIRST.match(text):
-        year, month, day = map(int, found.groups())
-    elif found := _YEAR_LAST.match(text):
-        if order == "ymd" and not re.fullmatch(r"\d\d([-/])\d\d\1\d\d", text):
-            raise ValueError(text)
-        if order == "mdy" and "." in text:
-            raise ValueError(text)
-        part = dict(zip(order, map(int, found.groups()), strict=True))
-        year, month, day = part["y"], part["m"], part["d"]
-    elif found := _NAMED.match(text):
-        day, month, year = int(found[1]), _month(found[2]), int(found[3])
-    elif found := _NAMED_FIRST.match(text):
-        month, day, year = _month(found[1]), int(found[2]), int(found[3] or _ANY_YEAR)
-    else:
+    """Number of a day since 1970; order: of three numbers of which none has four digits."""
+    parts = [*re.findall(r"\d+|[a-z]+", text.lower()), str(_ANY_YEAR)][:3]
+    if len(parts[0]) == 4:
+        order = "ymd"
+    elif not parts[0].isdecimal() or not parts[1].isdecimal():
+        order = "dmy" if parts[0].isdecimal() else "mdy"
+    elif (order == "ymd" and not re.fullmatch(r"\d\d([-/])\d\d\1\d\d", text)) or (order == "mdy" and "." in text):
         raise ValueError(text)
+    of = dict(zip(order, parts, strict=True))
+    year, day = int(of["y"]), int(of["d"])
+    month = int(of["m"]) if of["m"].isdecimal() else MONTHS.split("|").index(of["m"][:3]) + 1
     return date(year + 2000 * (year < 100), month, day).toordinal() - _EPOCH
-
-
-def _month(name: str) -> int:
-    return _MONTHS.index(name[:3].lower()) + 1
 
 
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:
