@@ -180,6 +180,12 @@ def test_a_long_table_has_units_in_a_column_and_several_times(write_text):
     np.testing.assert_allclose(log.voltage_V, LOG.voltage_V, atol=5e-4)
 
 
+def test_of_equal_columns_beside_a_long_table_the_first_is_kept(write_text):
+    rows = [f"{line.rpartition(',')[0]},{k // 2},{k // 2}" for k, line in enumerate(long_table().splitlines()[1:])]
+    text = "\n".join(["time,name,value,second,first", *rows, ""])
+    assert list(read_log(write_text(text), current_sign="charge").extra) == ["second"]
+
+
 @pytest.mark.parametrize("times", [1, 3])
 def test_values_that_a_long_table_has_twice_are_counted(write_text, times):
     """Also where a column numbers the rows, which are of one robot."""

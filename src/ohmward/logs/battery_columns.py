@@ -319,36 +319,43 @@ def state_column(file: TableFile) -> str | None:
     return None
 
 
-def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The current (T,), > 0 charging by the state column, if it is never negative and some states are a discharge."""
-    is_flag = _is_charging_flag(name)
-    if np.nanmin(current, initial=0.0) < 0 or (states.dtype != object and not is_flag):
-        return current, ()
-    direction = {state: _FLAGS.get(str(state).lower(), 0) if is_flag else _direction(state) for state in set(states)}
-    signs = np.array([direction[state] for state in states])
-    if not (signs < 0).any():
-        return current, ()
-    note = Note(f"the current has no sign: it gets that of the state in {name!r}, charge or discharge")
-    return np.where(signs < 0, 0.0 - current, current), (note,)
-
-
-def with_sign_of_power(
-    current_A: np.ndarray, power: np.ndarray, voltage_V: np.ndarray, name: str
+def with_sign(
+    current_A: np.ndarray, table: Table, voltage_V: np.ndarray, state: str, power: str
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The current (T,) with the sign of the power (T,) in the column `name`, if it has none itself and that one has.
+    """The current (T,) [A], negative where the state or the power says so, if it has no sign itself; and a note.
 
-    power: in any unit, as large as current times voltage (T,).
+    state, power: names of their columns, "" for none; the power in any unit, as large as current times voltage (T,).
     """
+    if np.nanmin(current_A, initial=0.0) < 0:
+        return current_A, ()
+    if state in table.columns and (negative := _discharged(table.columns[state], state)).any():
+        what = f"state in {state!r}, charge or discharge"
+    elif power in table.columns and (negative := _against(numbers(table, power), current_A, voltage_V)).any():
+        what = f"power in {power!r}"
+    else:
+        return current_A, ()
+    note = Note(f"the current has no sign: it gets that of the {what}")
+    return np.where(negative, 0.0 - current_A, current_A), (note,)
+
+
+def _discharged(states: np.ndarray, name: str) -> np.ndarray:
+    """Mask (T,) of the states in the column `name` that are a discharge."""
+    is_flag = _is_charging_flag(name)
+    if states.dtype != object and not is_flag:
+        return np.zeros(states.size, bool)
+    direction = {state: _FLAGS.get(str(state).lower(), 0) if is_flag else _direction(state) for state in set(states)}
+    return np.array([direction[state] < 0 for state in states])
+
+
+def _against(power: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> np.ndarray:
+    """Mask (T,) of a negative power that is as large as current times voltage, and flows both ways; else none."""
     flowing = np.isfinite(power) & (np.abs(current_A) > _FLOWING * np.nanmax(np.abs(current_A), initial=0.0))
-    if np.nanmin(current_A, initial=0.0) < 0 or not flowing.any():
-        return current_A, ()
-    ratio = np.abs(power[flowing]) / (current_A[flowing] * np.abs(voltage_V[flowing]))
-    low, usual, high = np.nanquantile(ratio, (0.1, 0.5, 0.9))
-    ways = np.mean(power[flowing] > 0), np.mean(power[flowing] < 0)
-    if min(ways) < _EACH_WAY or not high - low < _SAME_RATIO * usual:
-        return current_A, ()
-    note = Note(f"the current has no sign: it gets that of the power in {name!r}")
-    return np.where(power < 0, 0.0 - current_A, current_A), (note,)
+    if not flowing.any():
+        return flowing
+    power_W, apparent_W = power[flowing], current_A[flowing] * np.abs(voltage_V[flowing])
+    low, usual, high = np.nanquantile(np.abs(power_W) / apparent_W, (0.1, 0.5, 0.9))
+    each_way = min(np.count_nonzero(power_W > 0), np.count_nonzero(power_W < 0)) >= _EACH_WAY * power_W.size
+    return (power < 0) & each_way & (high - low < _SAME_RATIO * usual)
 
 
 def _is_charging_flag(name: str) -> bool:

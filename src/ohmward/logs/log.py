@@ -18,8 +18,7 @@ from ohmward.logs.battery_columns import (
     power_column,
     state_column,
     with_derived,
-    with_direction,
-    with_sign_of_power,
+    with_sign,
 )
 from ohmward.logs.clean import without_impossible
 from ohmward.logs.clock import with_joined_time
@@ -28,7 +27,7 @@ from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, numbers, with_sample_time
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.checks import Finding
@@ -202,8 +201,8 @@ def read_log(
     except UnclearColumnsError as error:
         again = partial(read_log, opened, current_sign=current_sign, units=units, where=where, sort_time=sort_time)
         raise _with_further(error, columns or {}, again) from None
-    state = state_column(file) if current_sign != "discharge" else None
-    power = power_column(file)
+    state = (state_column(file) or "") if current_sign != "discharge" else ""
+    power = (power_column(file) or "") if current_sign == "auto" else ""
     columns_beside = extra if extra is None else {*extra, *filter(None, (state, power))}
     wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
 
@@ -212,13 +211,8 @@ def read_log(
         if "voltage" not in (units or {}):
             clean.require_voltage(table, chosen["voltage"], chosen["current"])
         name = chosen["current"].name
-        notes: tuple[Note, ...] = ()
-        current_A = table.columns[name]
-        if state and state in table.columns:
-            current_A, notes = with_direction(current_A, table.columns[state], state)
-        if power and power in table.columns and not notes and current_sign == "auto":
-            voltage_V = table.columns[chosen["voltage"].name]
-            current_A, notes = with_sign_of_power(current_A, numbers(table, power), voltage_V, power)
+        voltage_V = table.columns[chosen["voltage"].name]
+        current_A, notes = with_sign(table.columns[name], table, voltage_V, state, power)
         return table.with_columns({name: current_A}, *notes)
 
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)

@@ -109,7 +109,7 @@ def _labels(table: Table, columns: LongColumns, names: np.ndarray) -> list[str]:
     codes = {label: _numbered(np.zeros(names.size, int), table.columns[label]) for label in table.columns}
     series = _numbered(np.zeros(names.size, int), names)
     found = []
-    for label in sorted(codes.keys() - set(columns), key=lambda label: codes[label].max()):
+    for label in sorted((label for label in codes if label not in columns), key=lambda label: codes[label].max()):
         finer = _numbered(series, codes[label])
         if finer.max() > series.max() and 2 * codes[label].max() < names.size:
             found.append(label)
