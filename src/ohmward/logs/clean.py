@@ -89,6 +89,18 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
     return np.where(infinite, np.nan, values), (note,)
 
 
+def without_faults(
+    time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[Note, ...]]:
+    """The currents [A] and voltages [V] (T,) with NaN for those that no sensor measured, and notes on them."""
+    current_A, voltage_V, empty = without_rows_of_zeros(current_A, voltage_V)
+    voltage_V, spikes = without_spikes(QUANTITIES["battery_voltage_V"], voltage_V)
+    current_A, silent = without_silent_spikes(current_A, voltage_V)
+    current_A, voltage_V, repeated = without_repeated_rows(time_s, current_A, voltage_V)
+    current_A, dead = without_stuck_current(time_s, current_A, voltage_V)
+    return current_A, voltage_V, (*empty, *spikes, *silent, *repeated, *dead)
+
+
 def without_spikes(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """Voltages or temperatures (T,), isolated impossible values, such as -40 degC, set to NaN, and a note on them.
 

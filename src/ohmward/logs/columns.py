@@ -143,6 +143,15 @@ def find_columns(
     time = chosen.get(TIME.name)
     if TEMPERATURE.name not in chosen and _TEMPERATURE in names and time and time.name != _TEMPERATURE:
         chosen[TEMPERATURE.name] = Column(_TEMPERATURE, None)
+    _require_a_column_each(source, chosen)
+    _require_one_battery(source, names, {q: c.name for q, c in chosen.items() if q not in columns}, unclear)
+    if unclear:
+        raise _with_suggestions(source, names, chosen, unclear, head or {})
+    return chosen
+
+
+def _require_a_column_each(source: str, chosen: Mapping[str, Column]) -> None:
+    """Raise InputError where two quantities have one column."""
     owner: dict[str, str] = {}
     for quantity, column in chosen.items():
         if (other := owner.setdefault(column.name, quantity)) != quantity:
@@ -150,9 +159,15 @@ def find_columns(
                 f"{source}: column {column.name!r} cannot be both the {other} and the {quantity}; choose another with "
                 f"--column {quantity}=NAME (columns={{{quantity!r}: NAME}})"
             )
-    ties = {quantity: names for error in unclear for quantity, names in error.ties.items()}
-    for quantity in {CURRENT.name, VOLTAGE.name} & chosen.keys() - columns.keys():
-        if (again := unique_names([chosen[quantity].name] * 2))[1] in names:
+
+
+def _require_one_battery(
+    source: str, names: Sequence[str], found: Mapping[str, str], unclear: Sequence[UnclearColumnsError]
+) -> None:
+    """Raise InputError for columns of several batteries, with those of each; found: quantity -> column not named."""
+    ties = {quantity: fits for error in unclear for quantity, fits in error.ties.items()}
+    for quantity in {CURRENT.name, VOLTAGE.name} & found.keys():
+        if (again := unique_names([found[quantity]] * 2))[1] in names:
             ties[quantity] = again
     if batteries := _batteries(dict(sorted(ties.items()))):
         flags = [[f"{quantity}={name}" for quantity, name in battery.items()] for battery in batteries]
@@ -161,21 +176,29 @@ def find_columns(
             f"{source}: columns of {len(batteries)} batteries, or tables side by side; choose one with "
             f"{' or '.join(each)} (columns={batteries[0]})"
         )
-    if unclear:
-        faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
-        choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
-        free = [name for name in names if name not in {column.name for column in chosen.values()}]
-        if not free and TIME.name in chosen:
-            raise InputError(
-                f"{source}: {'; '.join(faults.values())}; it has no more than {listed(names)}; a state of charge needs "
-                "current and voltage of the battery: record both"
-            )
-        choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
-        choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
-        if "time" in choice and choice["time"] is None:
-            choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
-        raise UnclearColumnsError(source, names, faults, choice)
-    return chosen
+
+
+def _with_suggestions(
+    source: str,
+    names: Sequence[str],
+    chosen: Mapping[str, Column],
+    unclear: Sequence[UnclearColumnsError],
+    head: Mapping[str, Sequence[str]],
+) -> InputError:
+    """One error for all quantities that are not clear, with a column for each that no other quantity has."""
+    faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
+    choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
+    free = [name for name in names if name not in {column.name for column in chosen.values()}]
+    if not free and TIME.name in chosen:
+        return InputError(
+            f"{source}: {'; '.join(faults.values())}; it has no more than {listed(names)}; a state of charge needs "
+            "current and voltage of the battery: record both"
+        )
+    choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
+    choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
+    if TIME.name in choice and choice[TIME.name] is None:
+        choice[TIME.name] = next((name for name in free if _counts_up(head.get(name, ()))), None)
+    return UnclearColumnsError(source, names, faults, choice)
 
 
 def _batteries(ties: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:

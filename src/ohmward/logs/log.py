@@ -308,24 +308,11 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     rows = rows._replace(table=clean.merge_rates(rows.table, chosen))
     table = rows.table
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
-    time_s, start_unix_s = measured["time"], rows.start_unix_s
-    wall_clock = next((table.columns[name] for name in BDF_NAMES["unix_time_s"] if name in table.columns), None)
-    if start_unix_s is not None:
-        time_s, start_unix_s = time_s - time_s[0], start_unix_s + float(time_s[0])
-    elif wall_clock is not None:
-        start_unix_s = float(wall_clock[0] - time_s[0])
-    current_A, voltage_V, empty = clean.without_rows_of_zeros(measured["current"], measured["voltage"])
-    voltage_V, spikes = clean.without_spikes(QUANTITIES["battery_voltage_V"], voltage_V)
-    current_A, silent = clean.without_silent_spikes(current_A, voltage_V)
-    current_A, voltage_V, unheard = clean.without_repeated_rows(time_s, current_A, voltage_V)
-    current_A, dead = clean.without_stuck_current(time_s, current_A, voltage_V)
+    time_s, start_unix_s = _from_start(table, measured["time"], rows.start_unix_s)
+    current_A, voltage_V, faults = clean.without_faults(time_s, measured["current"], measured["voltage"])
     warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
-    if chosen["current"].unit is None and (other := not_in_amperes(current_A, voltage_V)):
-        option = ("--unit", f"current={other.scale.symbol}") if other.scale else ()
-        likely = f"if these are {other.scale.name}, say {' '.join(option)}" if other.scale else ""
-        fix = likely or "name the unit, as in power_kW"
-        text = f"column {chosen['current'].name!r} names no unit; {other.reason}: {fix}"
-        warnings += (Note(text, "warning", option),)
+    if chosen["current"].unit is None:
+        warnings += _other_than_amperes(chosen["current"].name, current_A, voltage_V)
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
     current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
@@ -344,11 +331,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         notes=(
             *table.notes,
             *warnings,
-            *empty,
-            *spikes,
-            *silent,
-            *unheard,
-            *dead,
+            *faults,
             *of_temperature,
             *clean.missing_notes(table, chosen),
             *clean.gap_notes(time_s),
@@ -357,6 +340,23 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )
+
+
+def _from_start(table: Table, time_s: np.ndarray, start_unix_s: float | None) -> tuple[np.ndarray, float | None]:
+    """The time (T,) [s], of a wall clock from the first sample, and the Unix time of its zero, None if unknown."""
+    if start_unix_s is not None:
+        return time_s - time_s[0], start_unix_s + float(time_s[0])
+    wall_clock = next((table.columns[name] for name in BDF_NAMES["unix_time_s"] if name in table.columns), None)
+    return time_s, None if wall_clock is None else float(wall_clock[0] - time_s[0])
+
+
+def _other_than_amperes(name: str, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
+    """A warning of a column without a unit that cannot be in amperes, with the likely unit."""
+    if (other := not_in_amperes(current_A, voltage_V)) is None:
+        return ()
+    option = ("--unit", f"current={other.scale.symbol}") if other.scale else ()
+    fix = f"if these are {other.scale.name}, say {' '.join(option)}" if other.scale else "name the unit, as in power_kW"
+    return (Note(f"column {name!r} names no unit; {other.reason}: {fix}", "warning", option),)
 
 
 class UnknownSignError(InputError):
