@@ -80,6 +80,17 @@ def savvycan(folder: Path) -> Path:
     return folder / "log.csv"
 
 
+def canedge(folder: Path) -> Path:
+    rows = ["TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;ESI;RTR;DataBytes"]
+    for frame in frames():
+        rows.append(
+            f"{frame.timestamp:.6f};1;{frame.arbitration_id:03X};{int(frame.is_extended_id)};{frame.dlc};{frame.dlc};"
+            f"0;0;0;0;0;{frame.data.hex().upper()}"
+        )
+    (folder / "edge.csv").write_text("\n".join([*rows, ""]))
+    return folder / "edge.csv"
+
+
 WRITERS = {
     "candump": written("bus.log", "CanutilsLogWriter"),
     "Vector ASC": written("bus.asc", "ASCWriter"),
@@ -87,6 +98,7 @@ WRITERS = {
     "PEAK TRC": written("bus.trc", "TRCWriter"),
     "python-can": written("bus.csv", "CSVWriter"),
     "SavvyCAN": savvycan,
+    "CANedge": canedge,
 }
 
 

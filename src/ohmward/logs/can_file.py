@@ -23,14 +23,14 @@ from ohmward.optional import require, silenced
 
 T = TypeVar("T")
 
-#: Beginnings of texts, and the reader of python-can for each; "" for SavvyCAN's own table.
+#: Beginnings of texts, and the reader of python-can for each; "" for tables of SavvyCAN and CANedge.
 _CANDUMP = "CanutilsLogReader"
 _TEXTS = (
     (re.compile(rb"\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#"), _CANDUMP),
     (re.compile(rb"date [^\n]*\n(?:[^\n]*\n)?base +(?:hex|dec)", re.IGNORECASE), "ASCReader"),
     (re.compile(rb";\$FILEVERSION=|;#{10,}"), "TRCReader"),
     (re.compile(rb"timestamp,arbitration_id,extended,"), "CSVReader"),
-    (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
+    (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,|TimestampEpoch;BusChannel;ID;"), ""),
 )
 #: The reader of python-can for the one binary format.
 _BLF, _BLF_MAGIC = "BLFReader", b"LOGG"
@@ -40,7 +40,7 @@ _GROUP_BYTES, _GROUP_TIMES = 16 << 20, 1000
 
 
 def can_reader(head: bytes) -> str | None:
-    """The reader of python-can for a text with this beginning, "" for a SavvyCAN table, None for anything but CAN."""
+    """The reader of python-can for a text with this beginning, "" for a table, None for anything but CAN."""
     return next((reader for beginning, reader in _TEXTS if beginning.match(head.lstrip(b"\xef\xbb\xbf"))), None)
 
 
@@ -53,7 +53,7 @@ def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
         raise _without_database(path)
     database = load_can_database(hints.dbc)
     notes: list[Note] = []
-    received = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
+    received = _of_python_can(path, reader, notes) if reader else _of_table(path, hints.encoding, notes)
     return _open_frames(path.name, received, hints, database, notes)
 
 
@@ -281,7 +281,7 @@ def received_frames(path: Path) -> Iterator[_Received]:
     reader = _reader_of(path)
     if reader is None:
         raise InputError(f"{path.name}: no readable recording of CAN; record it with candump -l")
-    yield from _of_python_can(path, reader, []) if reader else _of_savvycan(path, None, [])
+    yield from _of_python_can(path, reader, []) if reader else _of_table(path, None, [])
 
 
 def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Received]:
@@ -347,24 +347,33 @@ def _blf_reader(can: Any) -> Any:
     return Reader
 
 
-def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterator[_Received]:
-    """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal.
-
-    Rows that do not fit this format are left out and counted.
-    """
+def _of_table(path: Path, encoding: str | None, notes: list[Note]) -> Iterator[_Received]:
+    """The frames of a table of SavvyCAN (GVRET) or CANedge (mdf2csv); rows that do not fit are left out and counted."""
     broken = 0
     with open_text(path, encoding) as stream:
-        for row in csv.DictReader(stream, skipinitialspace=True):
+        header = stream.readline()
+        of_edge = ";" in header
+        names = next(csv.reader([header], delimiter=";" if of_edge else ",", skipinitialspace=True))
+        for row in csv.DictReader(stream, names, delimiter=";" if of_edge else ",", skipinitialspace=True):
             try:
-                count = min(int(row["LEN"]), _FRAME_BYTES)
-                payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
-                sender = _Sender(int(row["ID"], 16), row["Extended"].strip().lower() == "true", row.get("Bus") or "")
-                time_s = 1e-6 * float(row["Time Stamp"])
+                yield _of_canedge(row) if of_edge else _of_savvycan(row)
             except (KeyError, TypeError, ValueError, AttributeError):
                 broken += 1
-                continue
-            yield sender, time_s, payload
     notes += _broken_notes(broken)
+
+
+def _of_canedge(row: Mapping[str, str]) -> _Received:
+    """The frame of a row of CANedge: time [s], identifier and all bytes in hexadecimal."""
+    sender = _Sender(int(row["ID"], 16), row["IDE"] == "1", row["BusChannel"])
+    return sender, float(row["TimestampEpoch"]), bytes.fromhex(row["DataBytes"])
+
+
+def _of_savvycan(row: Mapping[str, str]) -> _Received:
+    """The frame of a row of SavvyCAN: time [us], identifier and each byte in hexadecimal."""
+    count = min(int(row["LEN"]), _FRAME_BYTES)
+    payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
+    sender = _Sender(int(row["ID"], 16), row["Extended"].strip().lower() == "true", row.get("Bus") or "")
+    return sender, 1e-6 * float(row["Time Stamp"]), payload
 
 
 def _without_database(path: Path) -> InputError:

@@ -83,7 +83,8 @@ _KNOWN = tuple(
             "frames of a CAN bus as candump shows them; record them with `candump -l can0`, and give that with --dbc",
         ),
         (
-            rb"(?i:(?=[^\n]*\b(?:can[ _]?)?id\b)(?=[^\n]*\b(?:dlc|len|length)\b)[^\n]*\b(?:data|payload|d0|byte ?0))",
+            rb"(?i:(?!TimestampEpoch;)(?=[^\n]*\b(?:can[ _]?)?id\b)(?=[^\n]*\b(?:dlc|len|length)\b)"
+            rb"[^\n]*\b(?:data|payload|d0|byte ?0))",
             f"frames of a CAN bus in a table of its own{_TO_SAVVYCAN}",
         ),
         (rb"\x80[\x02-\x05]", "a pickle of Python; load it where it was written, and give the DataFrame or a CSV file"),
