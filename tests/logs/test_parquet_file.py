@@ -9,6 +9,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import FileHints, frame, write_table
 from ohmward.logs.frame import open_parquet
+from ohmward.logs.read import open_table
 from ohmward.logs.table import numbers
 
 pyarrow = pytest.importorskip("pyarrow")
@@ -117,6 +118,23 @@ def test_numbers_of_every_kind_and_length(tmp_path, monkeypatch, kind, missing):
     found = load(tmp_path / "t.parquet").columns["x"]
     assert found.dtype == (float if missing or "in" not in kind else np.int64)
     np.testing.assert_array_equal(found, column.cast("double").to_numpy(zero_copy_only=False))
+
+
+def test_fields_of_structures_are_columns(tmp_path):
+    """As Spark writes messages; a missing structure has missing fields."""
+    packs = [{"bms": {"voltage": 13.0 + k, "current": k}, "on": True} for k in range(5)]
+    table = pyarrow.table({"t": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "pack": [*packs, None]})
+    parquet.write_table(table, tmp_path / "t.parquet")
+    with (
+        (tmp_path / "t.feather").open("wb") as stream,
+        pytest.importorskip("pyarrow.ipc").new_file(stream, table.schema) as writer,
+    ):
+        writer.write_table(table)
+    for source in (tmp_path / "t.parquet", tmp_path / "t.feather", table):
+        file = open_table(source)
+        voltage = next(name for name in file.names if name.endswith("voltage"))
+        np.testing.assert_array_equal(file.load([voltage]).columns[voltage], [13, 14, 15, 16, 17, np.nan])
+        assert len(file.names) == 4
 
 
 def test_reading_and_writing_do_not_wait_for_pandas(tmp_path):

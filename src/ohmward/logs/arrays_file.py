@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import UNPACKED_BYTES, UNPACKED_TIMES
-from ohmward.logs.frame import plain_array, values_of
+from ohmward.logs.frame import flattened, plain_array, values_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Opener, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require, silenced
@@ -65,7 +65,7 @@ def open_feather(path: Path, hints: FileHints) -> TableFile:
     pyarrow = require("pyarrow", "a Feather file")
     ipc = require("pyarrow.ipc", "a Feather file")
     with parsing(path, "no readable Feather file", "write it again"), pyarrow.OSFile(str(path), "rb") as stream:
-        table = ipc.open_file(stream).read_all()
+        table = flattened(ipc.open_file(stream).read_all())
         columns = {name: values_of(table[name].combine_chunks()) for name in table.column_names}
     return open_arrays(path.name, columns, hints)
 

@@ -5,7 +5,7 @@ Values of any kind (lists, NumPy, pandas, Arrow) become plain arrays: numbers, d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import UTC, date, timedelta
 from pathlib import Path
 from types import ModuleType
@@ -102,6 +102,21 @@ def import_arrow() -> ModuleType | None:
     return pyarrow
 
 
+def flattened(table: Any) -> Any:
+    """An Arrow table with the fields of its structures as columns, `battery.voltage`, at any depth."""
+    while any(str(field.type).startswith("struct<") for field in table.schema):
+        table = table.flatten()
+    return table
+
+
+def _leaves(field: Any) -> Iterator[str]:
+    """The names of the columns of a field in a `flattened` table."""
+    if not str(field.type).startswith("struct<"):
+        yield field.name
+        return
+    yield from (f"{field.name}.{name}" for inner in field.type for name in _leaves(inner))
+
+
 def numbers_of(column: Any) -> np.ndarray:
     """An Arrow column of numbers as (T,) int64 or float64, NaN where one is missing."""
     bare = type(column).from_buffers(column.type, len(column), [None, column.buffers()[1]], offset=column.offset)
@@ -171,6 +186,7 @@ def _open_stream(source: Any) -> TableFile:
         raise InputError(
             f"the {type(source).__name__} gives no columns of Arrow ({error}); give one of pandas"
         ) from error
+    table = flattened(table)
     names = [str(name) for name in table.column_names]
     require_unique(UNNAMED, names)
     return _table_file(UNNAMED, table.num_rows, names, lambda at: values_of(table.column(at).combine_chunks()))
@@ -230,7 +246,7 @@ def open_parquet(path: Path, hints: FileHints) -> TableFile:
     """The columns of a Parquet file, read on demand."""
     pyarrow, parquet = _pyarrow()
     with parsing(path, "not a readable Parquet file", "write it again"):
-        stored = tuple(parquet.read_schema(path).names)
+        stored = tuple(name for field in parquet.read_schema(path) for name in _leaves(field))
     require_unique(path.name, stored)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
@@ -252,13 +268,15 @@ def open_parquet(path: Path, hints: FileHints) -> TableFile:
 
 def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str, np.ndarray]:
     """The columns (T,) of a file, read block by block into full-length arrays; none if there are no rows."""
+    pyarrow, _ = _pyarrow()
     rows = file.metadata.num_rows
     columns: dict[str, np.ndarray] = {}
     first = 0
     for batch in file.iter_batches(_DECODED_ROWS, columns=names, use_threads=rows > _DECODED_ROWS):
         last = first + batch.num_rows
+        table = flattened(pyarrow.Table.from_batches([batch]))
         for name in names:
-            values = values_of(batch[name])
+            values = values_of(table[name].chunk(0))
             if name not in columns:
                 columns[name] = np.empty(rows, values.dtype)
             elif columns[name].dtype != values.dtype:  # integers up to the first block with a missing value
