@@ -95,6 +95,8 @@ def test_what_flows_in_and_out_at_once_is_not_of_a_battery(write_text, quantity)
         ("Modus", "Laden", "Entladen", "Ruhe"),
         ("état", "charge", "décharge", "repos"),
         ("Estado", "Carga", "Descarga", "Reposo"),
+        ("Condition", "1", "2", "3"),  # the voltage shows which number is which
+        ("charge_status", "3", "1", "0"),
     ],
 )
 def test_a_current_without_a_sign_has_that_of_the_state(write_text, pulses, name, charge, discharge, rest):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from ohmward.logs.columns import Column, find_column, find_columns, has_input_vo
 from ohmward.logs.table import Note, Progress, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 from ohmward.quantities import words_of
+from ohmward.runs import where_known
+from ohmward.signals.current_sign import edge_test, lost_sign
 
 #: Largest relative difference between the sum of the cells and the voltage of the pack: they are measured by different
 #: converters, and the wires between them drop a few millivolts a cell.
@@ -296,11 +299,13 @@ def _is_one_way(name: str, direction: Collection[str], of: Unit) -> bool:
 
 
 #: Names of the column of a state.
-_STATES = words_of("state", "status", "power supply status", "mode", "step type", "md", "step name", "work mode",
-                   "direction", "type", "phase", "operation", "modus", "zustand", "betriebsart", "état", "etat",
-                   "estado", "modo", "stato", "状态", "режим")  # fmt: skip
+_STATES = words_of("state", "status", "condition", "charge status", "power supply status", "mode", "step type", "md",
+                   "step name", "work mode", "direction", "type", "phase", "operation", "modus", "zustand",
+                   "betriebsart", "état", "etat", "estado", "modo", "stato", "状态", "режим")  # fmt: skip
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
+#: Most numbers of states of which each may be that of a discharge; by how much fewer must agree better.
+_MOST_STATES, _BETTER_BY = 6, 0.01
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
 _DISCHARGE_WORDS = re.compile(
     r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|ontlad|d[ée]char|descarg|scaric|放电|разряд", re.IGNORECASE
@@ -311,12 +316,13 @@ _REST_WORDS = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|repos|
 
 
 def state_column(file: TableFile) -> str | None:
-    """The column whose first cells name charge or discharge, or are flags of charging; None if there is none."""
-    for name, cells in file.head.items():
-        named = frozenset(letters(name)) in _STATES and any(_direction(cell) for cell in cells)
-        if named or (_is_charging_flag(name) and cells and all(cell.strip().lower() in _FLAGS for cell in cells)):
-            return name
-    return None
+    """The column whose first cells name charge or discharge, or are flags of charging; else one of numbered states."""
+    states = {name: cells for name, cells in file.head.items() if frozenset(letters(name)) in _STATES}
+    flags = {name: cells for name, cells in file.head.items() if _is_charging_flag(name)}
+    named = [name for name, cells in states.items() if any(map(_direction, cells))]
+    named += [name for name, cells in flags.items() if cells and all(cell.strip().lower() in _FLAGS for cell in cells)]
+    named += [name for name, cells in states.items() if all(cell.strip().isdecimal() for cell in cells)]
+    return next(iter(named), None)
 
 
 def with_sign(
@@ -328,7 +334,7 @@ def with_sign(
     """
     if np.nanmin(current_A, initial=0.0) < 0:
         return current_A, ()
-    if state in table.columns and (negative := _discharged(table.columns[state], state)).any():
+    if state in table.columns and (negative := _discharged(table, state, current_A, voltage_V)).any():
         what = f"state in {state!r}, charge or discharge"
     elif power in table.columns and (negative := _against(numbers(table, power), current_A, voltage_V)).any():
         what = f"power in {power!r}"
@@ -338,13 +344,33 @@ def with_sign(
     return np.where(negative, 0.0 - current_A, current_A), (note,)
 
 
-def _discharged(states: np.ndarray, name: str) -> np.ndarray:
-    """Mask (T,) of the states in the column `name` that are a discharge."""
-    is_flag = _is_charging_flag(name)
+def _discharged(table: Table, name: str, current_A: np.ndarray, voltage_V: np.ndarray) -> np.ndarray:
+    """Mask (T,) of the states in the column `name` that are a discharge.
+
+    Numbers of states have no meaning of their own: the voltage shows which of them discharge, if both ways occur.
+    """
+    states, is_flag = table.columns[name], _is_charging_flag(name)
     if states.dtype != object and not is_flag:
-        return np.zeros(states.size, bool)
+        return np.isin(states, _numbers_of_discharge(*where_known(states, current_A, voltage_V)))
     direction = {state: _FLAGS.get(str(state).lower(), 0) if is_flag else _direction(state) for state in set(states)}
     return np.array([direction[state] < 0 for state in states])
+
+
+def _numbers_of_discharge(states: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> Sequence[float]:
+    """The numbers of states (T,) in which a current without a sign discharges, as the voltage shows; () if it does not.
+
+    Where all of it flows one way, its edges agree as it stands.
+    """
+    each, as_logged = np.unique(states).tolist(), edge_test(current_A, voltage_V)
+    if len(each) > _MOST_STATES or (as_logged.sign and lost_sign(current_A, voltage_V) is None):
+        return ()
+    best: tuple[float, Sequence[float]] = (abs(as_logged.agreement), ())
+    # the largest set first: at rest any small current discharges
+    for chosen in chain.from_iterable(combinations(each, count) for count in range(len(each) - 1, 0, -1)):
+        test = edge_test(np.where(np.isin(states, chosen), -current_A, current_A), voltage_V)
+        if test.sign > 0 and test.agreement > best[0] + _BETTER_BY:
+            best = test.agreement, chosen
+    return best[1]
 
 
 def _against(power: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> np.ndarray:
