@@ -124,7 +124,7 @@ _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
         words_of("current", "i", "cur", "curr", "ipack", "amp", "amps", "ampere", "amperes", "amperage",
-                 "ibat", "ibus", "ibatt", "iinst", "itot", "imess", "strom", "courant", "intensité", "corriente",
+                 "ibat", "ibus", "ibatt", "im", "iinst", "itot", "imess", "strom", "courant", "intensité", "corriente",
                  "intensidad", "corrente", "intensità", "intensidade", "prąd", "proud", "stroom", "strøm", "virta",
                  "áram", "akım", "ρεύμα", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="current",
@@ -132,10 +132,10 @@ _TABLE = (
     ),
     Quantity(
         "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
-        words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
-                 "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe", "vterm", "umess", "spannung", "tension", "tensión",
-                 "voltaje", "tensione", "tensão", "spänning", "spænding", "jännite", "feszültség", "gerilim", "napětí",
-                 "napięcie", "τάση", "напряжение", "电压", "总压", "電圧", "電壓", "전압"),
+        words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vf",
+                 "vbat", "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe", "vterm", "umess", "spannung", "tension",
+                 "tensión", "voltaje", "tensione", "tensão", "spänning", "spænding", "jännite", "feszültség", "gerilim",
+                 "napětí", "napięcie", "τάση", "напряжение", "电压", "总压", "電圧", "電壓", "전압"),
         "V or mV", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="voltage",
     ),
     Quantity(

@@ -232,6 +232,22 @@ def test_every_notation_of_a_unit_reads_alike():
         (["unix_s", "volt", "amp"], ("unix_s", 1.0), ("amp", None), ("volt", 1.0)),
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
+        (
+            ["Time", "Chan 101 (VDC)", "Chan 102 (ADC)"],
+            ("Time", None),
+            ("Chan 102 (ADC)", 1.0),
+            ("Chan 101 (VDC)", 1.0),
+        ),
+        (
+            ["Time (s)", "Corrected time (s)", "WE(1).Potential (V)", "WE(1).Current (A)"],
+            ("Time (s)", 1.0),
+            ("WE(1).Current (A)", 1.0),
+            ("WE(1).Potential (V)", 1.0),
+        ),
+        (["T [s]", "Vf [V vs. Ref.]", "Im [A]"], ("T [s]", 1.0), ("Im [A]", 1.0), ("Vf [V vs. Ref.]", 1.0)),
+        (["received_at", "timestamp", "U", "I"], ("timestamp", None), ("I", None), ("U", None)),
+        (["EnqueuedTimeUtc", "U", "I"], ("EnqueuedTimeUtc", None), ("I", None), ("U", None)),
+        (["received_at", "U", "I"], ("received_at", None), ("I", None), ("U", None)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),
         (["ts", "I_pack", "U_pack", "U1", "U2", "U3"], ("ts", None), ("I_pack", None), ("U_pack", None)),
         (

@@ -353,8 +353,8 @@ def _may_be_header(row: Row, width: int) -> bool:
 
 def _is_unit_row(row: Row) -> bool:
     filled = [_bare_unit(cell) for cell in row if cell.strip()]
-    known = [cell for cell in filled if unit_of(cell)]
-    return bool(known) and all(len(cell) <= _LONGEST_UNIT for cell in filled)
+    others = [cell for cell in filled if not unit_of(cell)]
+    return len(others) < len(filled) and all(len(cell) <= _LONGEST_UNIT for cell in others)
 
 
 def _bare_unit(cell: str) -> str:

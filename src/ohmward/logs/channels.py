@@ -100,13 +100,13 @@ IN, OUT = word_set("in input eingang"), word_set("out output ausgang")
 _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
     "utc gmt inst instantaneous dc sys sum de di do da la du del della batterie bateria batteria akku baterii accu "
-    "batteri akun batarya klemmen gesamt mess prüf lauf uhr monitor акб аккумулятора 电池 电池组 "
+    "batteri akun batarya we tot klemmen gesamt mess prüf lauf uhr monitor акб аккумулятора 电池 电池组 "
     "电池组总 总 充放电 测试 采集 记录 累计 绝对 経過 测量 電池 バッテリー 総 측정 배터리"
 )
 # Words of columns that are used only if there is nothing better.
-_SECOND_CHOICE = word_set("cell raw mean avg average filtered last")
+_SECOND_CHOICE = word_set("cell raw mean avg average filtered last ch chan channel")
 # And of columns that are used only if there is none of those either.
-_THIRD_CHOICE = word_set("now latest bus in input line")
+_THIRD_CHOICE = word_set("now latest bus in input line received recorded enqueued published measured sent")
 _BESIDE_BATTERY = (
     frozenset[str](),
     _OF_BATTERY,
@@ -157,7 +157,7 @@ TIME = Channel(
              "temps", "horodatage", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "zeitpunkt", "heure",
              "date heure", "fecha", "hora", "fecha hora", "fecha y hora", "data hora", "data e hora", "ora", "godzina",
              "tijd", "tid", "aika", "idő", "čas", "zaman", "tarih", "χρόνος", "clock", "update time",
-             "custom update time", "created at", "時刻", "日時", "dpt time", "tst", "device time", "日期",
+             "custom update time", "created at", "at", "時刻", "日時", "dpt time", "tst", "device time", "日期",
              *each_with_each("gesamt test prüf mess lauf", "zeit"), *each_with_each("总 测试 累计 绝对 经过", "时间")),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip

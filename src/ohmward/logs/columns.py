@@ -23,6 +23,7 @@ from ohmward.logs.channels import (
     letters,
     word_set,
 )
+from ohmward.logs.dates import has_date, has_time_of_day
 from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of
 
 # Words that make a column something other than a measurement of the battery.
@@ -196,8 +197,9 @@ def _with_suggestions(
         )
     choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
     choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
-    if TIME.name in choice and choice[TIME.name] is None:
-        choice[TIME.name] = next((name for name in free if _counts_up(head.get(name, ()))), None)
+    if TIME.name in choice:
+        times = [name for name in free if _are_times(head.get(name, ()))]  # a mere number of the row counts up as well
+        choice[TIME.name] = min(times, key=lambda name: not _is_of_time(name, head[name][0]), default=choice[TIME.name])
     return UnclearColumnsError(source, names, faults, choice)
 
 
@@ -424,12 +426,17 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     return by_letters or next(misspelled, None) or (by_unit[0] if len(by_unit) == 1 else None)
 
 
-def _counts_up(cells: Sequence[str]) -> bool:
-    """True for cells that are numbers, each larger than the one before."""
+def _is_of_time(name: str, cell: str) -> bool:
+    """True where the name has a unit of time, or the cell is a date."""
+    return unit_in_name(name, TIME.dimensions) is not None or has_date(cell)
+
+
+def _are_times(cells: Sequence[str]) -> bool:
+    """True for cells that are dates with a time of day, or numbers, each larger than the one before."""
     try:
         values = [float(cell) for cell in cells]
     except ValueError:
-        return False
+        return all(has_date(cell) and has_time_of_day(cell) for cell in cells)
     return len(values) > 2 and all(later > before for before, later in pairwise(values))
 
 

@@ -27,13 +27,13 @@ class Unit(NamedTuple):
 
 # Spelled in lower case. A slash stands for an underscore as well: `speed_m_s`.
 _SPELLINGS: dict[Unit, tuple[str, ...]] = {
-    Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes", "а"),
+    Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes", "adc", "а"),
     Unit("mA", "current", 1e-3): ("ma", "ма", "mamp", "mamps", "milliamp", "milliamps", "milliampere", "milliamperes"),
     Unit("uA", "current", 1e-6): ("ua", "µa", "μa", "microamp", "microamps", "microampere"),
     Unit("cA", "current", 1e-2): ("ca", "centiamp", "centiamps"),
     Unit("dA", "current", 0.1): ("da", "deciamp", "deciamps"),
     Unit("kA", "current", 1e3): ("ka", "kiloampere"),
-    Unit("V", "voltage", 1.0): ("v", "volt", "volts", "в"),
+    Unit("V", "voltage", 1.0): ("v", "volt", "volts", "vdc", "в"),
     Unit("mV", "voltage", 1e-3): ("mv", "мв", "mvolt", "mvolts", "millivolt", "millivolts"),
     Unit("uV", "voltage", 1e-6): ("uv", "µv", "μv", "microvolt", "microvolts"),
     Unit("cV", "voltage", 1e-2): ("cv", "centivolt", "centivolts"),
@@ -141,8 +141,11 @@ _MULTIPLE = re.compile(r"(?P<factor>\d*\.?\d+)(?P<unit>\D+)")
 
 
 def unit_of(spelling: str) -> Unit | None:
-    """The unit with this spelling, or a multiple of it, `0.1A`; None if there is none."""
-    key = _key(spelling)
+    """The unit with this spelling, or a multiple of it, `0.1A`; None if there is none.
+
+    What a potential is measured against, as in `V vs. Ref.`, belongs to no unit.
+    """
+    key = _key(spelling.partition(" vs")[0])
     if key in UNITS or not (found := _MULTIPLE.fullmatch(key)):
         return UNITS.get(key)
     unit = UNITS.get(found["unit"])
