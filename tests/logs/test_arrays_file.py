@@ -50,3 +50,17 @@ def test_the_columns_of_a_matrix_are_named_by_texts_beside_it(tmp_path):
     texts = np.array([name.encode() for name in NAMES])
     frame = {"log/axis0": texts, "log/axis1": np.arange(20), "log/block0_items": texts, "log/block0_values": MATRIX}
     assert_read(saved(tmp_path, "log.h5", **frame))
+
+
+def test_the_elements_of_an_array_of_structures_follow_each_other(tmp_path):
+    """As NASA's ageing data; a field may be absent, and a date of six numbers is no column."""
+    io = pytest.importorskip("scipy.io")
+    cycles = np.empty((1, 3), dtype=[("type", "O"), ("time", "O"), ("data", "O")])
+    for k, (first, last) in enumerate(((0, 5), (5, 12), (12, 20))):
+        rows = dict(zip(NAMES, MATRIX[first:last].T, strict=True)) | ({"ohm": 0.1 + MATRIX[first:last, 1]} if k else {})
+        cycles[0, k] = "charge", np.array([2008.0, 4.0, 2.0, 13.0, 8.0, 17.9]), rows
+    io.savemat(tmp_path / "log.mat", {"B0005": {"cycle": cycles}})
+    assert_read(tmp_path / "log.mat")
+    log = read_log(tmp_path / "log.mat", current_sign="charge", where={"cycle": 2})
+    np.testing.assert_array_equal(log.time_s, MATRIX[5:12, 0])
+    assert list(log.extra) == ["ohm"]

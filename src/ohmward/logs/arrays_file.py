@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import warnings
 import zipfile
 import zlib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,29 @@ def open_matlab(path: Path, hints: FileHints) -> TableFile:
         arrays = dict(
             one for kind, part in _elements(content[128:], order) for one in _matlab_arrays(kind, part, order)
         )
-    return open_arrays(path.name, arrays, hints, "; write a table of MATLAB with writetable(T, 'log.csv')")
+    return open_arrays(path.name, _stacked(arrays), hints, "; write a table of MATLAB with writetable(T, 'log.csv')")
+
+
+#: An array in an element of an array of structures, which are counted from 0.
+_ELEMENT = re.compile(r"(?P<stem>.+?)\[(?P<number>\d+)\]\.(?P<field>.+)")
+
+
+def _stacked(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays, those in the elements of an array of structures one below the other, beside the element's number."""
+    stacked = {name: values for name, values in arrays.items() if not _ELEMENT.match(name)}
+    elements: dict[str, dict[int, dict[str, np.ndarray]]] = defaultdict(lambda: defaultdict(dict))
+    for name, values in arrays.items():
+        if (found := _ELEMENT.match(name)) and values.ndim == 1 and values.size > 1 and values.dtype.kind in _KINDS:
+            elements[found["stem"]][int(found["number"])][found["field"]] = values
+    for stem, of_stem in elements.items():
+        rows = {k: Counter(map(np.size, of_one.values())).most_common(1)[0][0] for k, of_one in of_stem.items()}
+        for field in dict.fromkeys(field for of_one in of_stem.values() for field in of_one):
+            fits = {k: v for k, of_one in of_stem.items() if (v := of_one.get(field)) is not None and v.size == rows[k]}
+            if fits:
+                parts = [fits.get(k, np.full(count, np.nan)) for k, count in rows.items()]
+                stacked[f"{stem}.{field}"] = np.concatenate(parts)
+        stacked[stem] = np.repeat(np.array(list(rows)) + 1, list(rows.values()))
+    return stacked
 
 
 def open_hdf5(path: Path, hints: FileHints) -> TableFile:
@@ -149,11 +172,13 @@ def _matlab_arrays(kind: int, content: bytes, order: str, before: str = "") -> I
         return
     flags, shape = (np.frombuffer(part, f"{order}{_TYPES[type_]}") for type_, part in parts[:2])
     class_, name = int(flags[0]) & 0xFF, before + parts[2][1].decode(errors="replace")
-    if class_ == _STRUCTURE and shape.prod() == 1:
+    if class_ == _STRUCTURE:
         length = int.from_bytes(parts[3][1], "little" if order == "<" else "big")
         fields = [parts[4][1][k : k + length].partition(b"\0")[0] for k in range(0, len(parts[4][1]), length)]
-        for field, (field_kind, part) in zip(fields, parts[5:], strict=False):
-            yield from _matlab_arrays(field_kind, part, order, f"{name}.{field.decode(errors='replace')}")
+        for k, (field_kind, part) in enumerate(parts[5:]):
+            number, field = divmod(k, len(fields))
+            element = f"{name}[{number}]" if shape.prod() > 1 else name
+            yield from _matlab_arrays(field_kind, part, order, f"{element}.{fields[field].decode(errors='replace')}")
     elif (class_ in _CLASSES and not flags[0] & _COMPLEX and name) or (class_ == _TEXT and shape[0] > 1):
         type_, part = parts[3]
         data = np.frombuffer(part, f"{order}{_TYPES[type_]}").reshape(shape, order="F")
