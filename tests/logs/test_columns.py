@@ -26,6 +26,7 @@ def found(names, **overrides):
         ("header.stamp.sec battery.current battery.voltage", ["s", None, None]),
         ("created_at BatteryCurrentAmps BatteryVolts BatteryTempCelsius", [None, "A", "V", "degC"]),
         ("t_ms current_ma_avg bus_mv_avg", ["ms", "mA", "mV"]),
+        ("t_ms I[mA] U[V] Temp1[Deg]", ["ms", "mA", "V", "degC"]),
         ("Timestamp pack_current_milliamps pack_voltage_millivolts battery_temp_degF", [None, "mA", "mV", "degF"]),
     ],
 )

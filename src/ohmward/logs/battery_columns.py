@@ -20,7 +20,7 @@ from ohmward.logs.table import Note, Progress, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 from ohmward.quantities import words_of
 from ohmward.runs import where_known
-from ohmward.signals.current_sign import edge_test, lost_sign
+from ohmward.signals.current_sign import edge_test
 
 #: Largest relative difference between the sum of the cells and the voltage of the pack: they are measured by different
 #: converters, and the wires between them drop a few millivolts a cell.
@@ -305,7 +305,7 @@ _STATES = words_of("state", "status", "condition", "charge status", "power suppl
 #: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 #: Most numbers of states of which each may be that of a discharge; by how much fewer must agree better.
-_MOST_STATES, _BETTER_BY = 6, 0.01
+_MOST_STATES, _BETTER_BY = 6, 0.02
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
 _DISCHARGE_WORDS = re.compile(
     r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|ontlad|d[ée]char|descarg|scaric|放电|разряд", re.IGNORECASE
@@ -361,10 +361,10 @@ def _numbers_of_discharge(states: np.ndarray, current_A: np.ndarray, voltage_V: 
 
     Where all of it flows one way, its edges agree as it stands.
     """
-    each, as_logged = np.unique(states).tolist(), edge_test(current_A, voltage_V)
-    if len(each) > _MOST_STATES or (as_logged.sign and lost_sign(current_A, voltage_V) is None):
+    each = np.unique(states).tolist()
+    if len(each) > _MOST_STATES:
         return ()
-    best: tuple[float, Sequence[float]] = (abs(as_logged.agreement), ())
+    best: tuple[float, Sequence[float]] = (abs(edge_test(current_A, voltage_V).agreement), ())
     # the largest set first: at rest any small current discharges
     for chosen in chain.from_iterable(combinations(each, count) for count in range(len(each) - 1, 0, -1)):
         test = edge_test(np.where(np.isin(states, chosen), -current_A, current_A), voltage_V)

@@ -24,7 +24,7 @@ from ohmward.logs.channels import (
     word_set,
 )
 from ohmward.logs.dates import has_date, has_time_of_day
-from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of
+from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_brackets, unit_in_name, unit_of
 
 # Words that make a column something other than a measurement of the battery.
 _OTHER_WORDS = word_set(
@@ -363,6 +363,8 @@ def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
         )
         return
     for stem, unit in split_unit(name):
+        if channel is TEMPERATURE and unit is UNITS["deg"] and _TEMPERATURES & set(letters(stem)):
+            unit = UNITS["degc"]  # `Temp1[Deg]`
         if unit is None or unit.dimension in channel.dimensions:
             yield _rank(channel, stem, unit), Column(name, unit)
     if channel is TIME and (bare := _NOTATION.sub("", name)) != name:

@@ -147,6 +147,15 @@ def matlab(values: Callable[[], dict]) -> Callable[[Path], Path]:
     return write
 
 
+def structures() -> dict:
+    """An array of three structures, each a part of the log with its own date."""
+    cycles = np.empty((1, 3), dtype=[("time", "O"), ("data", "O")])
+    for k in range(3):
+        part = {name: values[100 * k : 100 * (k + 1)] for name, values in COLUMNS.items()}
+        cycles[0, k] = np.array([2026.0, 3.0, 28.0, 9.0, 15.0, 0.5]), part
+    return {"B0005": {"cycle": cycles}}
+
+
 def hdf5(name: str, group: str = "", user_block: bytes = b"") -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         import h5py
@@ -177,6 +186,15 @@ def parquet(folder: Path) -> Path:
     import pyarrow.parquet
 
     pyarrow.parquet.write_table(pyarrow.table(COLUMNS), folder / "log.parquet")
+    return folder / "log.parquet"
+
+
+def structured_parquet(folder: Path) -> Path:
+    import pyarrow.parquet
+
+    packs = [{"current": i, "voltage": u, "temp": {"battery": c}} for _, i, u, c in LOG.rows()]
+    table = pyarrow.table({"ts": [at.replace(tzinfo=None) for at in LOG.moments], "pack": packs})
+    pyarrow.parquet.write_table(table, folder / "log.parquet")
     return folder / "log.parquet"
 
 
@@ -212,10 +230,12 @@ CONTAINERS = (
     f("OpenDocument workbook", open_document, package="python_calamine"),
     f("MATLAB, vectors", matlab(lambda: COLUMNS), package="scipy"),
     f("MATLAB, a structure", matlab(lambda: {"note": "4S", "log": {"meas": COLUMNS}}), package="scipy"),
+    f("MATLAB, an array of structures", matlab(structures), package="scipy"),
     f("MATLAB 7.3", hdf5("log.mat", user_block=b"MATLAB 7.3 MAT-file, Platform: GLNXA64"), package="h5py"),
     f("HDF5, a data set for each column", hdf5("log.h5", "battery/"), package="h5py"),
     f("HDF5, a table", compound, package="h5py"),
     f("Parquet", parquet, package="pyarrow"),
+    f("Parquet, structures", structured_parquet, package="pyarrow", dated=True),
     f("Feather", feather, package="pyarrow"),
     f("NumPy .npz", npz),
     f("folder of files, one log", parts),

@@ -139,6 +139,26 @@ LANDT_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
     int(t) + 1, t, STEP_S[int(t)], 1, STEP[int(t)], f"{1000 * i:.1f}", u, c
 ))  # fmt: skip
 
+TOYO = ("Date", "Time", "PassTime[Sec]", "Voltage[V]", "Current[mA]", "", "", "Temp1[Deg]", "", "", "", "Condition",
+        "Mode", "Cycle", "TotlCycle", "PassedDate")  # fmt: skip
+#: The size of the current, and a number for charge, discharge and rest.
+TOYO_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    f"{at:%Y/%m/%d}", f"{at:%H:%M:%S}", STEP_S[int(t)], u, f"{1000 * abs(i):.1f}", "", "", c, "", "", "",
+    {"C": 1, "D": 2, "R": 3}[STATES[int(t)]], 1, 1, 1, 0))  # fmt: skip
+GAMRY = ("", "Pt", "T", "Vf", "Im", "Vu", "Sig", "Ach", "IERange", "Over", "Temp")
+GAMRY_UNITS = ["", "#", "s", "V vs. Ref.", "A", "V", "V", "V", "#", "bits", "deg C"]
+GAMRY_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    "", int(t), t, f"{u:.5E}", f"{i:.5E}", 0, 0, 0, 20, "..........a", c))  # fmt: skip
+GAMRY_TEXT = (
+    "EXPLAIN\nTAG\tCHRONOP\nTITLE\tLABEL\tPulse\tTest &Identifier\nDATE\tLABEL\t3/28/2026\tDate\nCURVE\tTABLE\t300\n"
+)
+NOVA = ("Time (s)", "Corrected time (s)", "WE(1).Potential (V)", "WE(1).Current (A)", "Index")
+PEC = ("Test", "Cell", "Step", "Total Time (Seconds)", "Step Time (Seconds)", "Real Time", "Voltage (mV)",
+       "Current (mA)", "Charge Capacity (mAh)", "Temperature1 (°C)")  # fmt: skip
+PEC_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    "T12", 3, STEP[int(t)], f"{t:.1f}", STEP_S[int(t)], f"{at:%d-%b-%Y %H:%M:%S}", f"{1000 * u:.1f}",
+    f"{1000 * i:.1f}", 0, c))  # fmt: skip
+
 CYCLERS = (
     f("Arbin", lines(ARBIN, arbin(lambda at: at.strftime("%m/%d/%Y %H:%M:%S")))),
     f("Arbin, dates as serial numbers", lines(ARBIN, arbin(serial))),
@@ -168,6 +188,10 @@ CYCLERS = (
     f("BaSyTec", BASYTEC_TEXT + lines(BASYTEC, BASYTEC_ROWS, "\t"), "log.txt", encoding="cp1252"),
     f("Novonix", "[Summary]\nNovonix UHPC\nCell: 4S\n[End Summary]\n[Data]\n" + lines(NOVONIX, NOVONIX_ROWS)),
     f("Landt", lines(LANDT, LANDT_ROWS)),
+    f("Toyo", "0,0,1,0,0,0,0\n\n\n" + lines(TOYO, TOYO_ROWS), dated=True),
+    f("Gamry .DTA", GAMRY_TEXT + lines(GAMRY, [GAMRY_UNITS, *GAMRY_ROWS], "\t"), "log.DTA"),
+    f("Metrohm Nova", lines(NOVA, rows_of(LOG, lambda t, i, u, c, at: (t, t, u, i, int(t) + 1)), ";"), warm=False),
+    f("PEC", "TestRegime Name,a.xml\nUser,lab\n#RESULTS CHECK\n" + lines(PEC, PEC_ROWS)),
     f("Battery Data Format", lines(BDF, BDF_ROWS), "log.bdf.csv", dated=True),
     f("PyBaMM", lines(PYBAMM, PYBAMM_ROWS)),
 )  # fmt: skip

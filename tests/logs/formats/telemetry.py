@@ -232,6 +232,23 @@ TELEMETRY = (
     f("mosquitto_sub -F '%I %t %p'", each_line(lambda t, i, u, c, at: (
         f"{at:%Y-%m-%dT%H:%M:%S}+0000 bms/r3 {json.dumps({'pack': {'voltage': u, 'current': i}})}")),
       dated=True, warm=False),
+    f("The Things Network", each_line(lambda t, i, u, c, at: json.dumps({
+        "end_device_ids": {"device_id": "r3"}, "received_at": f"{at:%Y-%m-%dT%H:%M:%S}.123456789Z",
+        "uplink_message": {"f_cnt": t, "decoded_payload": {"battery_voltage": u, "battery_current": i},
+                           "rx_metadata": [{"rssi": -80}]}})), "log.jsonl", dated=True, warm=False),
+    f("Azure IoT Hub", each_line(lambda t, i, u, c, at: json.dumps({
+        "EnqueuedTimeUtc": f"{at:%Y-%m-%dT%H:%M:%S}.4560000Z", "SystemProperties": {"connectionDeviceId": "r3"},
+        "Body": {"packVoltage": u, "packCurrent": i}})), "log.jsonl", dated=True, warm=False),
+    f("Keysight BenchLink", "BenchLink Data Logger\nOwner:,lab\n\n" + lines(
+        ("Scan", "Time", "Chan 101 (VDC)", "Chan 102 (ADC)"), rows_of(LOG, lambda t, i, u, c, at: (
+            int(t) + 1, f"{at:%m/%d/%Y %H:%M:%S}:000", u, i))), dated=True, warm=False),
+    f("WheelLog", lines(("date", "time", "gps_speed", "speed", "voltage", "phase_current", "current", "power",
+                         "battery_level", "system_temp", "temp2", "mode"), rows_of(LOG, lambda t, i, u, c, at: (
+        f"{at:%Y-%m-%d}", f"{at:%H:%M:%S}.000", 0, 0, u, -3 * i, -i, -i * u, 80, c + 9, c, 1))), dated=True,
+      warm=False),
+    f("AirData of DJI", lines(("time(millisecond)", "datetime(utc)", "speed(mph)", "voltage(v)", "battery_percent",
+                               "current(A)", "battery_temperature(f)"), rows_of(LOG, lambda t, i, u, c, at: (
+        round(1000 * t), f"{at:%Y-%m-%d %H:%M:%S}", 0, u, 80, i, f"{1.8 * c + 32:.2f}")))),
     f("syslog", each_line(lambda t, i, u, c, at: f"{at:%b %d %H:%M:%S} robot-3 bms[712]: voltage={u} current={i}"),
       warm=False),
     f("Torque", lines(TORQUE, TORQUE_ROWS), dated=True, warm=False),
