@@ -43,7 +43,8 @@ _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute 
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
-_BARE_LETTER, _NUMBERED, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 2, 3, 3, 4, 5, 99
+_BARE_LETTER, _NUMBERED, _WALL_CLOCK_TIME, _OF_AUXILIARY = 2, 2, 3, 3
+_NOTATED, _OF_CHANNEL, _LAST_WORD, _NEVER = 4, 5, 5, 99
 #: Times by their names, but a processor's clock or a thread's id beside another time.
 _CLOCK_OR_ID = word_set("clock tid")
 _TEMPERATURES = word_set("temp temps tmp temperature")
@@ -51,6 +52,10 @@ _TEMPERATURES = word_set("temp temps tmp temperature")
 _TEMPERATURE = "T"
 #: A vehicle's auxiliary battery.
 _AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
+#: A numbered channel of an instrument: `CH101(V)`, `Chan 101 (VDC)`.
+_CHANNEL = re.compile(r"\bch(?:an(?:nel)?)?[ _]?(?=\d)", re.IGNORECASE)
+#: Names of a quantity that stand for another one without its unit: the imaginary part, ambient temperature.
+_WITH_UNIT_ONLY = ({"im"}, {"vf"}, {"at"}, {"test"})
 #: Quantities that the unit alone identifies, in a column of a battery.
 _BY_UNIT = (CURRENT, VOLTAGE, TEMPERATURE)
 
@@ -386,12 +391,14 @@ def _divided(column: Column, channel: Channel, found: re.Match[str]) -> Column:
 
 
 def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
-    words = channel.split(stem)
+    words = channel.split(_CHANNEL.sub("", stem))
     # a bare `t`, also a second one, is a time; a temperature called `T` must carry its unit
     if channel is TEMPERATURE and unit is None and re.fullmatch(r"T|t(?: \d+)?", stem):
         return _NEVER
-    # `T1` and `TS1` are temperatures, a column `test` without a unit is the number of a test
-    if channel is TIME and unit is None and (re.fullmatch(r"[tT][sS]?\d+", stem) or words == ["test"]):
+    if unit is None and set(words) in _WITH_UNIT_ONLY:
+        return _NEVER
+    # `T1` and `TS1` are temperatures
+    if channel is TIME and unit is None and re.fullmatch(r"[tT][sS]?\d+", stem):
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
         naming = [word for word in words if word not in beside] or ([] if unit else words[-1:])
@@ -403,7 +410,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
             auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
             # a wall clock may be set while the log runs
             wall_clock = channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK)
-            worse = _BARE_LETTER * bare_letter + _NUMBERED * numbered
+            of_channel = _CHANNEL.search(stem) is not None
+            worse = _BARE_LETTER * bare_letter + _NUMBERED * numbered + _OF_CHANNEL * of_channel
             return rank + worse + _WALL_CLOCK_TIME * wall_clock + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
