@@ -197,6 +197,13 @@ def test_values_that_a_long_table_has_twice_are_counted(write_text, times):
     assert any(lost in str(note) and "that has another at the same time" in str(note) for note in log.notes)
 
 
+def test_negative_numbers_of_64_bits_without_their_sign_are_no_missing_values(write_text):
+    """As the `Amperage` that ioreg of macOS prints."""
+    rows = [f"{k},{-(k % 9) % (1 << 64)},{13.0 - 0.02 * (k % 9)}" for k in range(90)]
+    with pytest.raises(InputError, match=r"'current_A' has 80 numbers near 2\^64: .* without their sign"):
+        read_log(write_text("\n".join(["time_s,current_A,voltage_V", *rows])))
+
+
 def test_one_time_for_all_rows_is_no_clock(write_text):
     rows = [f"5,{-1.0 * (k % 9 < 4)},{13.0 - 0.02 * (k % 9 < 4)}" for k in range(90)]
     with pytest.raises(InputError, match=r"column 'time_s' is 5 in all 90 rows; .*--sample-time 1"):

@@ -24,6 +24,8 @@ from ohmward.signals.survey import find_gaps, resolution, spread, usual_interval
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
 LARGEST_READING = 1e18
+#: A negative number of 64 bits that was written without its sign is so close to this.
+_RANGE_OF_64_BITS, _WRAPPED_WITHIN = 2.0**64, 1e-6
 #: A voltage spike lasts less than half of this many samples, and is farther from the samples around it than this
 #: fraction of the usual voltage: pulses of a cold cell move it less.
 _AROUND, _SPIKE_SHARE = 7, 1 / 3
@@ -71,7 +73,14 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
         if channel is TIME or channel.name not in chosen:
             continue
         name, unit = chosen[channel.name]
-        values, infinite = finite(name, numbers(table, name))
+        values = numbers(table, name)
+        largest = np.fmax.reduce(values, initial=0.0)
+        if largest > LARGEST_READING and (wrapped := np.isclose(values, _RANGE_OF_64_BITS, rtol=_WRAPPED_WITHIN).sum()):
+            raise InputError(
+                f"{table.source}: column {name!r} has {counted(wrapped, 'number')} near 2^64: negative ones of 64 "
+                "bits, written without their sign; write them with it"
+            )
+        values, infinite = finite(name, values)
         if channel.required and not np.isfinite(values).any():
             raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {channel.name}")
         taken = f" in {unit.symbol}" if unit else f", which names no unit: assumed to be {channel.default.symbol}"
