@@ -275,7 +275,7 @@ _DIRECTIVES = (
     (re.compile(r"\d{1,2}([-./])\d{1,2}\1\d{2}\b"), r"%d\1%m\1%y"),
     (re.compile(r"\d{1,2}:\d\d:\d\d"), "%H:%M:%S"),
     (re.compile(r"\d{1,2}:\d\d"), "%H:%M"),
-    (re.compile(r"(?<=%S)\.\d+"), ".%f"),
+    (re.compile(r"(?<=%S)([.,:])\d+"), r"\1%f"),
 )
 
 
