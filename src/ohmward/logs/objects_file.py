@@ -237,7 +237,7 @@ def is_labelled(head: bytes) -> bool:
     """True for a text whose first lines name each of their numbers."""
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip() and line[0] != "#"]
     lines = lines[:_EXAMINED_LINES]
-    return len(lines) > 1 and (all(map(_PROTOCOL.fullmatch, lines)) or all(map(_is_row_of_pairs, lines)))
+    return len(lines) > 1 and (all(map(_PROTOCOL.fullmatch, lines)) or all(map(_of_pairs, lines)))
 
 
 def are_blocks(head: bytes) -> bool:
@@ -321,19 +321,21 @@ def rows_of_lines(text: str) -> list[dict[str, Any]]:
     for line in text.splitlines():
         if found := _PROTOCOL.fullmatch(line):
             rows.append(dict(_of_protocol(found)))
-        elif _is_row_of_pairs(line):
-            monitor = _MONITOR.match(line.strip())
-            row: dict[str, Any] = {"time": monitor["time"].replace(",", ".")} if monitor else {}
-            for pair in _PAIR.finditer(_MONITOR.sub("", line.strip(), count=1)):
-                row[f"{pair['name']} [{pair['unit']}]" if pair["unit"] else pair["name"]] = float(pair["value"])
+        elif row := _of_pairs(line):
             rows.append(row)
     return rows
 
 
-def _is_row_of_pairs(line: str) -> bool:
-    text = _MONITOR.sub("", line.strip(), count=1)
-    taken = sum(len(pair[0]) for pair in _PAIR.finditer(text))
-    return len(_PAIR.findall(text)) > 1 and taken >= _PAIRS_SHARE * len(re.sub(r"[\s,;|]", "", text))
+def _of_pairs(line: str) -> dict[str, Any]:
+    """The time and the numbers of a line of pairs by their names; {} for any other line."""
+    monitor = _MONITOR.match(line.strip())
+    text = line.strip()[monitor.end() if monitor else 0 :]
+    pairs = list(_PAIR.finditer(text))
+    taken = sum(len(pair[0]) for pair in pairs)
+    if len(pairs) < 2 or taken < _PAIRS_SHARE * len(re.sub(r"[\s,;|]", "", text)):
+        return {}
+    named = {f"{p['name']} [{p['unit']}]" if p["unit"] else p["name"]: float(p["value"]) for p in pairs}
+    return ({"time": monitor["time"].replace(",", ".")} if monitor else {}) | named
 
 
 def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:
