@@ -11,6 +11,7 @@ from ohmward.traction.motion.sample import FIRST_INTERVAL_S, LOST, STOPPED
 from ohmward.traction.odometry.model import TURN_SCALE
 from ohmward.traction.odometry.pose_filter import pose_filter
 from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, TRACK_M, drive, integrate, samples, scan
 
 SETTINGS = pose_filter(RLMA)
@@ -45,6 +46,23 @@ def test_a_wheel_without_a_value_has_the_speed_that_the_other_and_the_gyro_give_
     assert not ((e.flags.astype(int) & OdometryFlag.NO_WHEELS) > 0)[1:].any()
     apart_m = np.hypot(e.x_m - pose[:, 0], e.y_m - pose[:, 1])
     assert apart_m[-1] < 2.0 * e.position_std_m[-1] < 2.0  # of 22 m
+
+
+@pytest.mark.parametrize("layout", ["omni", "mecanum"])
+@pytest.mark.parametrize("value", [math.nan, 0.0])
+def test_the_others_and_the_gyro_give_the_speed_of_a_wheel_with_rollers(layout, value):
+    robot = generic_robot(12.0, 0.05, 0.36, layout=layout)
+    settings = pose_filter(robot)
+    motion = np.column_stack([0.4 * np.cos(0.3 * TIME_S), 0.3 * np.sin(0.3 * TIME_S), 0.4 * np.sin(0.5 * TIME_S)])
+    motion[TIME_S < 3.0] = 0.0
+    speeds = motion @ robot.rolling[: robot.driven].T / robot.wheel.radius_m
+    speeds[:, 1] = value
+    _, e = scan(settings, samples(settings, wheel_speed_rad_s=speeds, yaw_rate_rad_s=motion[:, 2]))
+    late = TIME_S > 10.0
+    assert flagged(e)[late].all()
+    assert not (e.flags.astype(int) & (OdometryFlag.NO_WHEELS | OdometryFlag.NO_GYRO))[late].any()
+    found = np.column_stack([e.speed_m_s, e.speed_left_m_s, e.yaw_rate_rad_s])
+    assert found[late] == pytest.approx(motion[late], abs=0.02)
 
 
 def test_a_wheel_without_a_value_is_no_evidence_of_the_gyros_offset():

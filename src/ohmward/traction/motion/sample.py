@@ -6,8 +6,8 @@ that it is missing. The interval follows the gaps between values, quickly up to 
 that jitter makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
 
 An encoder that repeats a number other than zero to the last bit while another one moves has stopped. One that repeats
-zero may be that of a standing wheel, unless it fell to zero faster than a robot can brake, or the gyro turns the robot
-the other way than the wheels that move.
+zero may be that of a standing wheel, unless it fell to zero faster than a robot can brake, the gyro turns the robot
+the other way than the wheels that move, or these and the gyro give a wheel with rollers another speed.
 """
 
 from __future__ import annotations
@@ -381,7 +381,9 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
         where(again, t + where(differs & (t > 0.0), clean.dt_s, passed_s), where(some([moves, stands]), 0.0, t))
         for again, moves, stands, differs, t in zip(repeats, moved, stood, differ, before.repeated_s, strict=True)
     ])  # fmt: skip
-    against = turns_against(clean, robot)
+    # A standing wheel of a robot on rollers shows as much as any other, so that it cannot contradict them for long.
+    turns = turns_against(clean, robot)
+    against = [turns | differs if robot.chassis.rollers else turns for differs in differ]
     slowest_rad_s = (FALLS_M_S + BRAKES_M_S2 * clean.dt_s) / robot.wheel.radius_m
     fell = np.array([
         where(moves, where((speed == 0.0) & (abs(last) > slowest_rad_s), 1.0, 0.0), before_fell)
@@ -389,8 +391,10 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
     ])  # fmt: skip
     contradicts_s = np.array([
         where(moves | logical_not(stands), 0.0,
-              t + where(against, clean.dt_s, falling * where(differs, clean.dt_s, passed_s)))
-        for moves, stands, falling, differs, t in zip(moved, stood, fell, differ, before.contradicts_s, strict=True)
+              t + where(contradicts, clean.dt_s, falling * where(differs, clean.dt_s, passed_s)))
+        for moves, stands, falling, differs, contradicts, t in zip(
+            moved, stood, fell, differ, against, before.contradicts_s, strict=True
+        )
     ])  # fmt: skip
     last_rad_s = where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s)
     watch = EncoderWatch(last_rad_s, repeated_s, fell, contradicts_s, before.silent_s)
@@ -401,21 +405,26 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
 
 def differ_from_others(clean: CleanSample, robot: Robot) -> list[Scalar]:
     """Conditions (wheels,) that a driven wheel is far from what the others and a gyro give; none where wheels scrub."""
-    n, known = robot.driven, isfinite(clean.yaw_rate_rad_s)
-    rows = np.vstack([robot.rolling[:n], np.eye(robot.freedoms)[-1]])
-    values = [*(robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]), clean.yaw_rate_rad_s]
+    n, known, measured = robot.driven, isfinite(clean.yaw_rate_rad_s), clean.wheel_measured
+    rims_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]
     least_m_s = STOPPED.differs_rad_s * robot.wheel.radius_m
-    found: list[Scalar] = []
-    for k in range(len(robot.places)):
-        others = [i for i in range(n + 1) if i != k]
-        is_determined = np.linalg.matrix_rank(rows[others]) == np.linalg.matrix_rank(rows)
-        if k >= n or robot.chassis.scrubs or not is_determined:
-            found.append(False)
-            continue
-        apart_m_s = values[k] - rows[k] @ np.linalg.pinv(rows[others]) @ np.array([values[i] for i in others])
-        measured = every([clean.wheel_measured[i] for i in others[:-1]])
-        found.append(known & measured & (abs(apart_m_s) > least_m_s))
+    found: list[Scalar] = [False for _ in robot.places]
+    for k in range(0 if robot.chassis.scrubs else n):
+        given_m_s = rim_by_others(k, rims_m_s, clean.yaw_rate_rad_s, robot)
+        if given_m_s is not None:
+            others = every([measured[i] for i in range(n) if i != k])
+            found[k] = known & others & (abs(rims_m_s[k] - given_m_s) > least_m_s)
     return found
+
+
+def rim_by_others(k: int, rims_m_s: np.ndarray, yaw_rate_rad_s: Scalar, robot: Robot) -> Scalar | None:
+    """Rim speed [m/s] of a driven wheel by those of all others (driven,) and a gyro; None if these leave it open."""
+    rows = np.vstack([robot.rolling[: robot.driven], np.eye(robot.freedoms)[-1]])
+    others = [i for i in range(len(rows)) if i != k]
+    if np.linalg.matrix_rank(rows[others]) < np.linalg.matrix_rank(rows):
+        return None
+    values = [*rims_m_s, yaw_rate_rad_s]
+    return rows[k] @ np.linalg.pinv(rows[others]) @ np.array([values[i] for i in others])
 
 
 def turns_against(clean: CleanSample, robot: Robot) -> Scalar:

@@ -35,6 +35,7 @@ from ohmward.traction.motion.sample import (
     holds,
     never,
     remember,
+    rim_by_others,
     was_seen,
 )
 from ohmward.traction.odometry.model import (
@@ -56,7 +57,7 @@ from ohmward.traction.odometry.modes import (
     weigh,
 )
 from ohmward.traction.odometry.sample import Observed
-from ohmward.traction.robot.chassis import PLANAR, Differential
+from ohmward.traction.robot.chassis import PLANAR, Differential, Steered
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
@@ -222,15 +223,23 @@ def with_silent_wheels(
     x: (n,) state of the odometry before the step.
     """
     n, measured = robot.driven, clean.wheel_measured[: robot.driven]
-    if n < 2 or not each_shows_forward(robot):
+    if n < 2 or isinstance(robot.chassis, Steered):
         return clean, False
     turned = isfinite(clean.yaw_rate_rad_s)
     silent = some(measured) & logical_not(every(measured)) & (turned | holds(before.intervals)[GYRO])
     gyro_rad_s = where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s)
-    turning_m_s = robot.rolling[:n, -1] * by_wheels(gyro_rad_s - x[OFFSET], x[TURN_SCALE])
-    along_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n] - turning_m_s
-    mean_m_s = sum(where(measured, along_m_s, 0.0)) / maximum(sum(where(measured, 1.0, 0.0)), 1.0)
-    filled = where(measured, clean.wheel_speed_rad_s[:n], (mean_m_s + turning_m_s) / robot.wheel.radius_m)
+    rate = by_wheels(gyro_rad_s - x[OFFSET], x[TURN_SCALE])
+    rims_m_s = robot.wheel.radius_m * clean.wheel_speed_rad_s[:n]
+    count = sum(where(measured, 1.0, 0.0))
+    if each_shows_forward(robot):
+        turning_m_s = robot.rolling[:n, -1] * rate
+        by_others = sum(where(measured, rims_m_s - turning_m_s, 0.0)) / maximum(count, 1.0) + turning_m_s
+    else:
+        given = [rim_by_others(k, rims_m_s, rate, robot) for k in range(n)]
+        open_ones = [measured[k] for k in range(n) if given[k] is None]
+        silent = every([silent, count > n - 1.5, *open_ones])
+        by_others = np.array([0.0 if rim_m_s is None else rim_m_s for rim_m_s in given])
+    filled = where(measured, clean.wheel_speed_rad_s[:n], by_others / robot.wheel.radius_m)
     speeds = [*where(silent, filled, clean.wheel_speed_rad_s[:n]), *clean.wheel_speed_rad_s[n:]]
     known = [*(good | silent for good in measured), *clean.wheel_measured[n:]]
     return clean._replace(wheel_speed_rad_s=np.array(speeds), wheel_measured=np.array(known)), silent
