@@ -243,16 +243,22 @@ def test_a_blocked_wheel():
     assert any("motor of front left takes 3" in text and "does not turn" in text for text in texts(RLMA, log))
 
 
-def test_a_dead_current_sensor():
-    log = changed(good(), "motor_current_A", 1, np.zeros_like)
-    (text,) = texts(RLMA, log)
-    assert "motor current of front right is 0 A" in text
+def test_a_dead_current_sensor_is_left_out():
+    found = check_drive(RLMA, changed(good(), "motor_current_A", 1, np.zeros_like))
+    assert "motor current of front right is 0 A" in found.notes[0].text
+    assert np.isnan(found.motor_current_A).all(axis=0).tolist() == [False, True]
 
 
 def test_a_counter_that_rolled_over_unseen():
     log = changed(good(), "wheel_speed_rad_s", 0, lambda v: np.where(np.arange(v.size) % 400 == 200, v - 5000, v))
     found = " ".join(texts(RLMA, log))
     assert "encoder of front left jumps to 4999 rad/s in 2 samples" in found and "rolled over" in found
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.9, True), (0.98, False), (1.1, True)])
+def test_a_speed_from_outside_that_always_contradicts_the_wheels_is_named(share, is_named):
+    found = texts(RLMA, good(speed_m_s=share * good().speed_m_s))
+    assert any("nearly always: the radius" in text for text in found) == is_named
 
 
 def test_a_unit_that_is_wrong():
@@ -340,7 +346,8 @@ def test_a_robot_that_is_stuck(every, forward):
     speed[np.arange(TIME.size) % every != 0] = np.nan
     wheels, current = forward * log.wheel_speed_rad_s, forward * log.motor_current_A
     wheels[(TIME > 10) & (TIME < 13)] = 0.0
-    (found,) = texts(RLMA, replace(log, wheel_speed_rad_s=wheels, motor_current_A=0 * current, speed_m_s=speed))[-1:]
+    log = replace(log, wheel_speed_rad_s=wheels, motor_current_A=0 * current, speed_m_s=speed)
+    (found,) = (text for text in texts(RLMA, log) if "the motor current" not in text)
     first, last = (float(number) for number in re.findall(r"([\d.]+) s", found))
     assert (first, last) == (pytest.approx(8.0, abs=1.1), pytest.approx(16.0, abs=1.1))
     assert "the robot stands by the speed from outside" in found

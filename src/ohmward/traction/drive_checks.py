@@ -73,8 +73,9 @@ SPIKE = 10.0
 ROBOT_STUCK_S, FEWEST_STUCK = 3.0, 3
 
 #: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, also if nine of ten samples
-#: are, as slip comes and goes; and certainly wrong, as it is over the turn of the gyro.
-RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS = 2.0, 1.4, 5.0
+#: are, as slip comes and goes; and certainly wrong, as it is over the turn of the gyro. Nearly always beyond the last
+#: one, where no wheel scrubs, the radius or the scale of that speed is wrong.
+RATIO_DOUBTFUL, RATIO_ALWAYS, RATIO_MEANINGLESS, RATIO_STEADY = 2.0, 1.4, 5.0, 1.05
 #: Relative difference up to which that ratio is the one of another unit, or of the gear.
 RATIO_ALIKE = 0.1
 
@@ -86,7 +87,12 @@ def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
         InputError: other wheels than the robot's, or the speed of the wheels and that from outside, or the turn by
             the gyro, cannot be of one robot in these units.
     """
-    require_wheels(robot, log)
+    log = mended(robot, log)
+    return replace(log, notes=(*found_faults(robot, log), *log.notes))
+
+
+def found_faults(robot: Robot, log: DriveLog) -> list[Note]:
+    """A warning for each fault of a log that was `mended`.  Raises: see `check_drive`."""
     checks = (
         _stuck_encoders,
         _spikes,
@@ -96,24 +102,42 @@ def check_drive(robot: Robot, log: DriveLog) -> DriveLog:
         _mirrored_side,
         _wrong_current_signs,
         _blocked_wheels,
-        _dead_currents,
         _stuck_robot,
         _wrong_units,
     )
-    log = mended(robot, log)
     found: list[str] = []
     for check in checks:
         try:
             found += check(robot, log)
         except InputError as error:  # another fault may be the cause
             raise InputError("; ".join([str(error), *found]), error.options) from None
-    return replace(log, notes=(*(Note(text, "warning") for text in found), *log.notes))
+    return [Note(text, "warning") for text in found]
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without yaw rates and speeds that are stuck, and the signs of wheel speeds, currents and that speed."""
-    log = with_current_signs(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
-    return with_signed_speed(robot, without_stuck_speed(robot, log))
+    """The log without sensors that are stuck, and with the signs of wheel speeds, currents and the outside speed.
+
+    Raises:
+        InputError: other wheels than the robot's.
+    """
+    require_wheels(robot, log)
+    log = without_dead_currents(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
+    return with_signed_speed(robot, without_stuck_speed(robot, with_current_signs(robot, log)))
+
+
+def without_dead_currents(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without motor currents that never change although their wheels turn: those motors count as unknown."""
+    for k, name in enumerate(_names(robot)[: robot.driven]):
+        current = log.motor_current_A[:, k]
+        turning = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > WHEEL_TURNS_RAD_S)]
+        if turning.size >= FEWEST_VALUES and np.ptp(turning) == 0:
+            currents = np.where(np.arange(robot.driven) == k, np.nan, log.motor_current_A)
+            text = (
+                f"the motor current of {name} is {turning[0]:.3g} A without any change while its wheel turns: a dead "
+                "sensor, or a motor that is off; it is left out, and the motor counts as unknown"
+            )
+            log = replace(log, motor_current_A=currents, notes=(*log.notes, Note(text, "warning")))
+    return log
 
 
 def with_current_signs(robot: Robot, log: DriveLog) -> DriveLog:
@@ -395,18 +419,6 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
             )
 
 
-def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Current sensors that never change although their wheels turn."""
-    for k, name in enumerate(_names(robot)[: robot.driven]):
-        current = log.motor_current_A[:, k]
-        current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > WHEEL_TURNS_RAD_S)]
-        if current.size >= FEWEST_VALUES and np.ptp(current) == 0:
-            yield (
-                f"the motor current of {name} is {current[0]:.3g} A without any change while its wheel turns: a dead "
-                "sensor; leave its column out, and the motor counts as unknown"
-            )
-
-
 def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that turn under a robot that stands, by a speed from outside, which may be infrequent."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
@@ -429,8 +441,15 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     rows = (np.abs(speed) > TURNS_M_S) & (np.abs(wheels) > 1e-3 * TURNS_M_S)
     if rows.sum() < FEWEST_VALUES:
         return
-    low, ratio, high = np.quantile(np.abs(wheels[rows] / speed[rows]), [0.1, 0.5, 0.9])
+    low, slow, ratio, fast, high = np.quantile(np.abs(wheels[rows] / speed[rows]), [0.1, 0.25, 0.5, 0.75, 0.9])
     if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL and low < RATIO_ALWAYS and high > 1 / RATIO_ALWAYS:
+        apart = (ratio > RATIO_STEADY and slow > 1) or (ratio < 1 / RATIO_STEADY and fast < 1)
+        if apart and not robot.chassis.scrubs:
+            yield (
+                f"the wheels say {ratio:.3g} times the speed that was measured from outside, nearly always: the "
+                "radius of the robot file or the scale of that speed is wrong, and the bands allow for neither; "
+                "`ohmward calibrate` finds the radius where that speed is right, else leave it out"
+            )
         return
     text = f"the wheels say {ratio:.3g} times the speed that was measured from outside"
     likely = [options for options, alike in _ratios(robot).items() if abs(ratio - alike) < RATIO_ALIKE * alike]

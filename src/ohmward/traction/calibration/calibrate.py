@@ -25,7 +25,7 @@ from ohmward.traction.calibration.parameters import (
     with_parameters,
 )
 from ohmward.traction.calibration.stretches import LENGTH_S, CalibrationDrive, cut, motion_from_speed, stuck
-from ohmward.traction.drive_checks import check_drive, mended
+from ohmward.traction.drive_checks import found_faults, mended
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.packaged import load_robot
@@ -85,7 +85,7 @@ def calibrate(
     by_wheels = floor is None and set(parts) <= {"track"}
     each = [drive if isinstance(drive, CalibrationDrive) else as_drive(drive, robot) for drive in each]
     known = [with_sensed_motion(robot, drive, by_wheels) for drive in each]
-    notes = [note for drive in each for note in drive_notes(robot, drive)]
+    notes = [note for drive, sensed in zip(each, known, strict=True) for note in drive_notes(robot, drive, sensed)]
     if usual and "motor" in parts and not any(np.isfinite(drive.log.motor_current_A).any() for drive in known):
         parts = tuple(part for part in parts if part != "motor")
         notes.append(Note("the motors were not calibrated: no drive has their currents", "info"))
@@ -108,11 +108,12 @@ def calibrate(
     return Calibration(robot, tuple(found), learnt, tuple(known), tuple(notes))
 
 
-def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog) -> list[Note]:
-    """Warnings of `check_drive`, with the name of the log."""
-    log = drive.log if isinstance(drive, CalibrationDrive) else drive
-    found = check_drive(robot, log).notes
-    return [note._replace(text=f"{log.name}: {note.text}") for note in found if note not in log.notes]
+def drive_notes(robot: Robot, drive: CalibrationDrive | DriveLog, sensed: CalibrationDrive) -> list[Note]:
+    """Warnings of what was mended in the log of a drive, and of the faults that are left, with its name."""
+    given = drive.log if isinstance(drive, CalibrationDrive) else drive
+    mended_notes = [note for note in sensed.log.notes if note not in given.notes]
+    found = [*found_faults(robot, sensed.log), *mended_notes]
+    return [note._replace(text=f"{given.name}: {note.text}") for note in found]
 
 
 def calibration_notes(drives: Sequence[CalibrationDrive], robot: Robot, found: Sequence[Parameter]) -> Iterator[Note]:

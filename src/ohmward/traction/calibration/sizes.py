@@ -95,7 +95,8 @@ def robot_from_drives(drives: Sequence[CalibrationDrive | DriveLog], sizes: Size
     elif robot.chassis.scrubs:
         found += calibrate_track(known, robot, radius_std)
     robot = with_parameters(sizes.robot(), found)
-    notes = [note for drive in drives for note in drive_notes(robot, drive)]
+    each = zip(drives, known, strict=True)
+    notes = [note for drive, sensed in each for note in drive_notes(robot, drive, sensed)]
     return Calibration(robot, tuple(found), None, tuple(known), (*notes, *calibration_notes(known, robot, found)))
 
 
