@@ -107,7 +107,7 @@ def test_a_file_by_hand_needs_only_what_has_no_default():
         ("radius_m = 0.12", "radius_m = 0.4", "wheel.radius_m must be below half the wheelbase of 0.628 m"),
         ("track_m = 0.3", "track_m = 0.001", "wheels front_left and front_right stand 0.001 m apart, less than"),
         ("kg_m2 = 2.569826", "kg_m2 = 2569.8", "yaw_inertia_kg_m2 must be between 0.00509 and 45.8 .*got 2569.8"),
-        ("mass_kg = 42.0", "mass_kg = 42000.0", "yaw_inertia_kg_m2 must be between .*correct one of them"),
+        ("mass_kg = 42.0", "mass_kg = 42000.0", "mass_kg must be between .* a cube of steel .*correct one of them"),
         ("track_m = 0.3", "track_m = 300.0", "wheel.radius_m must be between 0.75 and .* got 0.12"),
     ],
 )

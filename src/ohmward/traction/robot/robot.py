@@ -186,7 +186,9 @@ class Robot(RichDisplay):
         farthest_m = max(math.hypot(p.x_m, p.y_m) for p in self.places)
         radius_m, mass_kg = self.wheel.radius_m, self.mass_kg
         of_farthest, of_rim = "all mass at the farthest wheel", "all mass at the rim of one wheel"
+        cube_kg, of_cube = 7850.0 * (2.0 * farthest_m) ** 3, "a cube of steel about the wheels"
         for name, value, usual, what, least, most in (
+            ("robot.mass_kg", mass_kg, cube_kg, of_cube, 0.0, 1.0),
             ("wheel.radius_m", radius_m, farthest_m, "the distance of the farthest wheel", 1 / 200, 5.0),
             ("wheel.width_m", self.wheel.width_m, radius_m, "wheel.radius_m", 1 / 100, 100.0),
             ("robot.height_m", self.height_m, farthest_m, "the distance of the farthest wheel", 0.0, 10.0),
