@@ -94,6 +94,15 @@ def test_what_a_drive_does_not_show_is_asked_for(refused, tmp_path):
     assert "'left_m_s' is in m/s; give the wheels' radius" in refused("robot", str(tmp_path / "b.csv"), "--mass", "3")
 
 
+def test_a_drive_with_the_wheels_of_another_layout_names_that(refused, tmp_path):
+    wheels = [f"{axle}_{side}_rpm" for axle in ("front", "rear") for side in ("left", "right")]
+    t = np.arange(0.0, 20.0, 0.1)
+    write_table(
+        {"time_s": t, "gyro_z": np.sin(t), "gnss_speed": t} | dict.fromkeys(wheels, 60.0 * t), tmp_path / "a.csv"
+    )
+    assert "give --layout skid-steer" in refused("robot", str(tmp_path / "a.csv"), "--mass", "60")
+
+
 def test_joints_of_a_urdf_that_are_called_otherwise_are_named(tmp_path, capsys):
     wheel = '<link name="{0}"><visual><geometry><sphere radius="0.05"/></geometry></visual></link>'
     joint = (

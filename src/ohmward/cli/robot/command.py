@@ -26,6 +26,8 @@ from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
 from ohmward.traction.robot.urdf import read_urdf
 
 _GENERIC = "motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are"
+#: Layout of a robot whose log has the speeds of four wheels.
+_FOUR_WHEELS = "skid-steer"
 #: Size of the drawing in characters, which are twice as high as wide.
 _COLUMNS, _LINES = 41, 15
 
@@ -96,10 +98,27 @@ def _from_drive(source: str, args: argparse.Namespace) -> SourcedRobot:
     sizes = Sizes(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
     start = sizes.start()
     options = drive_options(args, start)._replace(radius_m=args.radius or math.nan)
-    drive = read_calibration_drive(source, start, options, args)
+    try:
+        drive = read_calibration_drive(source, start, options, args)
+    except InputError as error:
+        other = sizes._replace(layout=_FOUR_WHEELS)
+        if sizes.layout == _FOUR_WHEELS or not _reads(source, other, args):
+            raise
+        text = f"{source} has the wheels of a {_FOUR_WHEELS} robot; give --layout {_FOUR_WHEELS}, or: {error}"
+        raise InputError(text, ("--layout", _FOUR_WHEELS)) from None
     found = robot_from_drives([drive], sizes)
     notes = [_GENERIC, *map(str, found.drives[0].log.notes), *map(str, found.notes)]
     return SourcedRobot(found.robot, assumed=tuple(notes), parameters=found.parameters)
+
+
+def _reads(source: str, sizes: Sizes, args: argparse.Namespace) -> bool:
+    """True if a drive has the columns of a robot of these sizes."""
+    robot = sizes.robot()
+    try:
+        read_calibration_drive(source, robot, drive_options(args, robot)._replace(radius_m=math.nan), args)
+    except InputError:
+        return False
+    return True
 
 
 def _facts(robot: Robot) -> dict[str, Any]:
