@@ -27,7 +27,7 @@ from ohmward.traction.odometry.model import (
     TURN_SCALE,
     OdometryNoise,
 )
-from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter, with_unlike_wheels
+from ohmward.traction.odometry.pose_filter import ANY_STD, PoseFilter, pose_filter, with_wider_prior
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, INDOOR, TRACK_M, integrate, samples, scan, stop_and_go
@@ -296,20 +296,42 @@ def test_the_position_is_that_of_the_middle_of_the_driven_axle():
     assert (pose.x_m, pose.y_m) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
-def test_a_wider_prior_of_unlike_wheels_is_as_if_from_the_start():
-    """Of the curvature, whatever has been measured of it together with the offset and the yaw."""
-    rng, std_1_m = np.random.default_rng(7), 0.002
+@pytest.mark.parametrize("errors", [(CURVATURE,), (TURN_SCALE, GYRO_SCALE)], ids=["unlike wheels", "track"])
+def test_a_wider_prior_is_as_if_from_the_start(errors):
+    """Of a constant error, whatever has been measured of it together with the others and the pose."""
+    rng, std, n = np.random.default_rng(7), 0.002, len(NAMES)
+    parts = np.eye(n)
+    parts[errors[0], list(errors[1:])] = -1.0  # the first of them is their sum less the others
 
-    def measured(std_1_m):
-        variances = np.ones(len(NAMES))
-        variances[CURVATURE] = std_1_m**2
-        prior = Belief(np.zeros(len(NAMES)), np.diag(variances))
+    def measured(std):
+        variances = np.ones(n)
+        variances[errors[0]] = std**2
+        prior = Belief(np.zeros(n), parts @ np.diag(variances) @ parts.T)
         return kalman.correct(prior, np.array([5.0, 6.0, 4.0]), H, 0.01 * np.eye(3)).belief
 
-    H = 0.1 * rng.standard_normal((3, len(NAMES)))
-    H[:, CURVATURE] = 500.0
-    found, wider_1_m = with_unlike_wheels(measured(std_1_m), std_1_m)
-    expected = measured(2.0 * std_1_m)
-    assert wider_1_m == 2.0 * std_1_m
-    assert_allclose(found.mean, expected.mean, rtol=1e-9)
+    H = 0.1 * rng.standard_normal((3, n))
+    H[:, list(errors)] = 500.0
+    found, wider = with_wider_prior(measured(std), errors, std)
+    expected = measured(2.0 * std)
+    assert wider == 2.0 * std
+    assert_allclose(found.mean, expected.mean, atol=1e-9)
     assert_allclose(found.cov, expected.cov, atol=1e-9)
+
+
+def test_a_prior_is_no_wider_once_its_error_has_been_opened():
+    opened = Belief(np.full(len(NAMES), 0.5), np.diag(np.full(len(NAMES), 0.1)))
+    found, std = with_wider_prior(opened, (TURN_SCALE,), 0.03)
+    assert std == ANY_STD and np.array_equal(found.mean, opened.mean) and np.array_equal(found.cov, opened.cov)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.3])
+def test_a_track_that_is_further_off_than_usual_turns_no_robot(share):
+    """One that turns to the left alone, so that the gyro's offset and the track share what they differ by."""
+    offset, time_s = 0.01, DT_S * np.arange(round(100.0 / DT_S))
+    speed = np.where(time_s > 1.0, 0.5, 0.0)
+    turn = np.where((time_s > 1.0) & (np.sin(0.4 * time_s) > 0.3), 0.6, 0.0)
+    wheels = np.column_stack([speed, share * turn]) @ INDOOR.rolling[: INDOOR.driven].T / INDOOR.wheel.radius_m
+    gyro = turn + offset + 0.004 * np.random.default_rng(0).standard_normal(turn.size)
+    settings = pose_filter(INDOOR)
+    _, e = scan(settings, samples(settings, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro))
+    assert abs(e.yaw_rad[-1] - np.sum(turn) * DT_S) < 0.4 * np.sqrt(e.pose_cov[-1, 2, 2])

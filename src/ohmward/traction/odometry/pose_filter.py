@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import IntFlag
 from functools import cached_property, reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ from ohmward.traction.odometry.measured_motion import (
 from ohmward.traction.odometry.model import (
     CURVATURE,
     GROSS_SLIP,
+    GYRO_SCALE,
     OFFSET,
     RADIUS,
     SLIP,
@@ -110,8 +112,11 @@ from ohmward.traction.odometry.sample import Observed, OdometryEstimate, Odometr
 from ohmward.traction.odometry.turn_watch import TurnWatch, watch_of_turn, watch_turn, without_wrong
 from ohmward.traction.robot.robot import Robot
 
-#: Standard deviations of the curvature by unlike wheels from which it is doubled: they are more unlike than usual.
-UNLIKE_SIGMAS = 2.0
+#: Standard deviations of a constant error from which these are doubled: it is larger than usual.
+LARGER_SIGMAS = 2.0
+
+#: Factor on the variance of a prior beyond which the error has been opened since, and the standard deviation then.
+OPENED, ANY_STD = 1.01, 1e6
 
 #: Times [s] before the wheels' last value over which their acceleration is found, of those at 5 Hz and faster.
 CHANGES_S = (0.2, 0.5)
@@ -146,6 +151,7 @@ class PoseState(NamedTuple):
     agreed: Agreed  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk  #: of the gyro
     curvature_std_1_m: Any  #: of the curvature by unlike wheels, as far as they have shown it
+    track_std: Any  #: of the effective track, likewise
     heading: HeadingTimes = HeadingTimes()  #: times of headings
     overrun: Overrun = Overrun()  #: distance beyond that of the outside speeds
     unconfirmed: Unconfirmed = Unconfirmed()  #: change of the rims' speed that these have not confirmed
@@ -219,6 +225,7 @@ class PoseFilter:
             agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
             offset_walk=OffsetWalk(offset_variance=belief.cov[OFFSET, OFFSET]),
             curvature_std_1_m=std_of(belief.cov[CURVATURE, CURVATURE]),
+            track_std=self.noise.turn_scale_std,
         )
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -316,7 +323,9 @@ class PoseFilter:
         u, watches = motion.input, state.watches
         walk_std = self.noise.gyro_offset_walk
         offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, u.dt_s, walk_std)
-        belief, curvature_std_1_m = with_unlike_wheels(belief, state.curvature_std_1_m)
+        belief, curvature_std_1_m = with_wider_prior(belief, (CURVATURE,), state.curvature_std_1_m)
+        track_std = state.track_std
+        belief, track_std = with_wider_prior(belief, (TURN_SCALE, GYRO_SCALE), track_std, -self.noise.scrub)
         held_back_m = state.held_back_m + held_back(belief, motion, u.dt_s)
         return state._replace(
             belief=pack(belief),
@@ -324,6 +333,7 @@ class PoseFilter:
             heading=body.heading,
             offset_walk=offset_walk,
             curvature_std_1_m=curvature_std_1_m,
+            track_std=track_std,
             changed_yaw_rad=where(watches.gyro.rate.count > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
             distance_m=state.distance_m + travelled(belief, u),
             held_back_m=where(watches.speed.doubted, held_back_m, 0.0),
@@ -537,21 +547,23 @@ def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
     return np.array([across_m**2, across_m**2, missed_rad**2])
 
 
-def with_unlike_wheels(belief: Belief, std_1_m: Scalar) -> tuple[Belief, Scalar]:
-    """The belief, and the standard deviation s of the curvature, doubled once wheels prove more unlike than that.
+def with_wider_prior(belief: Belief, errors: tuple[int, ...], std: Scalar, mean: float = 0.0) -> tuple[Belief, Scalar]:
+    """The belief, and the standard deviation s of a sum e'x of constant errors, doubled once it proves larger.
 
-    The wider prior N(0, 4 s^2) takes the place of N(0, s^2) from the start, with e the direction of the curvature:
+    The wider prior N(m, 4 s^2) takes the place of N(m, s^2) from the start, unless the error has been opened since:
 
-        x+ = x + P e e'x / r,   P+ = P + P e e'P / r,   r = 4 s^2 / 3 - e'P e
+        x+ = x + P e (e'x - m) / r,   P+ = P + P e e'P / r,   r = 4 s^2 / 3 - e'P e
 
-    So the gyro's offset and the pose change by what they owe to wheels that were taken for too much alike.
+    So the gyro's offset and the pose change by what they owe to an error that was taken for too small.
     """
     x, P = belief
-    unlike, variance = abs(x[CURVATURE]) > UNLIKE_SIGMAS * std_1_m, std_1_m * std_1_m
-    r = maximum(4.0 / 3.0 * variance - P[CURVATURE, CURVATURE], variance / 3.0)
-    gain = P[:, CURVATURE] * where(unlike, 1.0 / r, 0.0)
-    after = Belief(x + gain * x[CURVATURE], mirror_lower(P + np.outer(gain, P[CURVATURE])))
-    return after, where(unlike, 2.0 * std_1_m, std_1_m)
+    off, along = reduce(add, [x[i] for i in errors]) - mean, reduce(add, [P[:, i] for i in errors])
+    own, variance = reduce(add, [along[i] for i in errors]), std * std
+    opened_since = own > OPENED * variance
+    larger = (abs(off) > LARGER_SIGMAS * std) & logical_not(opened_since)
+    gain = along * where(larger, 1.0 / maximum(4.0 / 3.0 * variance - own, variance / 3.0), 0.0)
+    after = Belief(x + gain * off, mirror_lower(P + np.outer(gain, along)))
+    return after, where(opened_since, ANY_STD, where(larger, 2.0 * std, std))
 
 
 def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
