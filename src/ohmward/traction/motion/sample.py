@@ -382,8 +382,8 @@ def without_stopped(clean: CleanSample, before: EncoderWatch, robot: Robot) -> t
         for again, moves, stands, differs, t in zip(repeats, moved, stood, differ, before.repeated_s, strict=True)
     ])  # fmt: skip
     # A standing wheel of a robot on rollers shows as much as any other, so that it cannot contradict them for long.
-    turns = turns_against(clean, robot)
-    against = [turns | differs if robot.chassis.rollers else turns for differs in differ]
+    turns, rollers = turns_against(clean, robot), robot.chassis.rollers
+    against = [some([turns, differs]) if rollers else turns for differs in differ]
     slowest_rad_s = (FALLS_M_S + BRAKES_M_S2 * clean.dt_s) / robot.wheel.radius_m
     fell = np.array([
         where(moves, where((speed == 0.0) & (abs(last) > slowest_rad_s), 1.0, 0.0), before_fell)

@@ -324,8 +324,8 @@ class PoseFilter:
         walk_std = self.noise.gyro_offset_walk
         offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, u.dt_s, walk_std)
         belief, curvature_std_1_m = with_wider_prior(belief, (CURVATURE,), state.curvature_std_1_m)
-        track_std = state.track_std
-        belief, track_std = with_wider_prior(belief, (TURN_SCALE, GYRO_SCALE), track_std, -self.noise.scrub)
+        of_track = TURN_SCALE, GYRO_SCALE
+        belief, track_std = with_wider_prior(belief, of_track, state.track_std, -self.noise.scrub)
         held_back_m = state.held_back_m + held_back(belief, motion, u.dt_s)
         return state._replace(
             belief=pack(belief),
