@@ -32,6 +32,7 @@ NAMES = ("amr-1_2026-01-05.csv", "amr-1_2026-01-06.csv", "amr-2_2026-01-05.csv")
         (("mower 3 run 12.csv", "mower 3 run 13.csv", "mower 4 run 1.csv"), {"mower 3": 2, "mower 4": 1}),
         (("rover_20260105T080000.csv", "rover_20260106T080000.csv"), {"rover": 2}),
         (("amr-1_1.csv", "amr-1_1 (1).csv", "Copy of amr-1_2.csv", "amr-1_3 - Copy (2).csv"), {"amr-1": 4}),
+        (("2026-01-05_amr-1.csv", "2026-01-06_amr-1.csv", "2026-01-05T08-00-00_amr-2.csv"), {"amr-1": 2, "amr-2": 1}),
         (("r2_1767600000.csv", "r2_1767700000.csv", "r1_1767600000.csv"), {"r1": 1, "r2": 2}),
     ],
 )
@@ -93,13 +94,18 @@ def test_logs_of_different_robots_are_never_one_robot_by_their_names(tmp_path):
     assert robots_of(texts) == ("log", {text: [text] for text in texts}, {}, ())
 
 
-def test_a_few_names_with_numbers_do_not_hide_the_folders(tmp_path):
+@pytest.mark.parametrize(
+    "names",
+    [("x", "run 2", "y"), ("2026-01-05", "2026-01-06"), ("run_1", "run_2"), ("rosbag2_2026_01_05-08_00_00", "log_7")],
+)
+def test_names_of_no_robot_do_not_hide_the_folders(tmp_path, names):
     for robot in ("left", "right"):
         (tmp_path / robot).mkdir()
-    places = ("left/x.csv", "left/run 2.csv", "right/x.csv", "right/y.csv")
+    places = [f"{robot}/{name}.csv" for robot in ("left", "right") for name in names]
     texts = [write(tmp_path / place, day(k, 0.9)) for k, place in enumerate(places)]
     found = robots_of(texts)
-    assert (found.by, found.logs) == ("folder", {"left": texts[:2], "right": texts[2:]})
+    half = len(names)
+    assert (found.by, found.logs) == ("folder", {"left": texts[:half], "right": texts[half:]})
 
 
 def test_logs_with_one_name_in_two_folders_stay_alone(tmp_path):

@@ -185,7 +185,8 @@ class RobotJob:
         end_s, before = -math.inf, ""
         for first_s, text, log in dated:
             if first_s < end_s - _OVERLAP_S:
-                rows[text] = failed(text, f"{log.name}: overlaps in time with {before} of this robot: recorded twice?")
+                why = "recorded twice, or of another robot (--by)?"
+                rows[text] = failed(text, f"{log.name}: overlaps in time with {before} of this robot: {why}")
                 continue
             usable.append((text, log, first_s - dated[0][0]))
             end_s, before = first_s + log.duration_s, log.name

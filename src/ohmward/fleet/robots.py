@@ -27,6 +27,13 @@ _COLUMN = re.compile(r"^(?:robot|vehicle|device|machine|agv|amr|unit)(?:[ _]?(?:
 #: A name with a date, or a number after a separator, at its end: `amr-00_2026-01-01`, `mower 3 run 12`.
 _DATED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:\d{4}[-_.]?\d{2}[-_.]?\d{2}|\d{9,}).*$")
 _NUMBERED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:run|log|part|day|trip|bag)?[ _.-]*\d+$", re.IGNORECASE)
+#: A date before the name: `2026-01-31_amr-3`.
+_DATE_FIRST = re.compile(r"^(?:19|20)\d\d[-_.]?\d\d[-_.]?\d\d(?:[T _.-]+\d[\d_.:-]*)?[ _.-]+(?P<robot>[^\W\d_].*)$")
+#: What logs of every robot are called, in a folder of its own: `amr-3/2026-01-31`, `amr-3/run_1`, `amr-3/rosbag2_...`.
+_OF_NO_ROBOT = re.compile(
+    r"^(?:(?:19|20)\d\d[\d\W_]*|(?:run|log|day|part|trip|data|(?:ros)?bag2?|battery|drive|recording|session)s?)$",
+    re.IGNORECASE,
+)
 #: Marks of a copy: `Copy of amr-1_1`, `amr-1_1 - Copy`, `amr-1_1 (2)`; the number is one of a log.
 _COPY = re.compile(r"^copy of +| - copy(?: *\(\d+\))?$|(?<=\d) *\(\d+\)$", re.IGNORECASE)
 _BRACKETED = re.compile(r" *\((\d+)\)$")
@@ -137,10 +144,12 @@ def _label(file: TableFile, finds: Sequence[Find]) -> _RobotLabel | None:
 def _way(readable: Sequence[str], labels: Mapping[str, _RobotLabel]) -> str:
     """The way to assign logs without a label, by what most logs have."""
     without = [text for text in readable if text not in labels]
-    known = len(labels) + sum(_in_name(text) is not None for text in without)
+    robots = [robot for text in without if (robot := _in_name(text)) is not None]
+    several = len({_of_folder(text) for text in without}) > 1
+    known = len(labels) + sum(not (several and _OF_NO_ROBOT.match(robot)) for robot in robots)
     if 2 * known > len(readable):
         return NAME
-    return FOLDER if len({_of_folder(text) for text in without}) > 1 else ALONE
+    return FOLDER if several else ALONE
 
 
 def _assigned(readable: Sequence[str], labels: Mapping[str, _RobotLabel], way: str) -> Robots:
@@ -194,9 +203,9 @@ def _robot_column(names: tuple[str, ...]) -> str | None:
 
 
 def _in_name(text: str) -> str | None:
-    """The name of a log before its date or its number; None without one."""
+    """The name of a log beside its date, or before its number; None without one."""
     stem = _BRACKETED.sub(r"_\1", _COPY.sub("", _stem(text)))
-    found = _DATED.match(stem) or _NUMBERED.match(stem)
+    found = _DATE_FIRST.match(stem) or _DATED.match(stem) or _NUMBERED.match(stem)
     return found["robot"] if found else None
 
 
