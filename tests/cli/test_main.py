@@ -72,7 +72,7 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"ohmward {ohmward.__version__}\n"
 
 
-@pytest.mark.parametrize("words", [(), ("qqq",), ("soc",), ("soc", "day.csv"), ("doctor", "x.csv", "--nonsense")])
+@pytest.mark.parametrize("words", [("qqq",), ("soc",), ("soc", "day.csv"), ("doctor", "x.csv", "--nonsense")])
 def test_usage_errors_are_refused_like_all_others(words, refused):
     assert "--help`" in refused(*words)
 
@@ -80,6 +80,20 @@ def test_usage_errors_are_refused_like_all_others(words, refused):
 @pytest.mark.parametrize("typed, meant", [("sco", "soc"), ("identfy", "identify"), ("misson", "mission")])
 def test_a_mistyped_command_is_answered_with_the_one_that_was_meant(typed, meant, refused):
     assert f"did you mean `ohmward {meant}`?" in refused(typed, "day.csv")
+
+
+def test_a_mistyped_option_is_named_before_those_that_are_missing(refused):
+    assert "no option '--batery'; did you mean `--battery`?" in refused("soc", "day.csv", "--batery", "battery.toml")
+
+
+@pytest.mark.parametrize("words, same", [((), ("--help",)), (("help",), ("--help",)), (("help", "soc"), ("soc", "-h"))])
+def test_no_command_and_help_show_the_help(words, same, capsys):
+    shown = []
+    for line in (words, same):
+        with pytest.raises(SystemExit, match="0"):
+            main.main(list(line))
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
 
 
 def test_a_fault_of_ohmward_is_told_from_a_finding(here, monkeypatch, capsys):

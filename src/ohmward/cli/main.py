@@ -13,7 +13,7 @@ import sys
 import textwrap
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
@@ -169,12 +169,11 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     )
     top.add_argument("--version", action="version", version=f"ohmward {__version__}")
     top.add_argument("command", metavar="COMMAND", help="one of those below")
+    if not words or words[0] == "help":
+        words = [*words[1:], "--help"]
     first = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
     name = top.parse_args(words[: first + 1]).command
-    if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        advice = f"did you mean `ohmward {near[0]}`?" if near else "see `ohmward --help`"
-        raise InputError(f"there is no command {name!r}; {advice}")
+    _require_known("command", name, COMMANDS, "ohmward")
     module = _load(name)
     parser = Parser(
         prog=f"ohmward {name}",
@@ -187,10 +186,25 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     more = parser.add_argument_group("detail").add_mutually_exclusive_group()
     more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
     more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
+    known = {option for action in parser._actions for option in action.option_strings}
+    for word in words[first + 1 :]:
+        if word == "--":
+            break
+        if word.startswith("--"):
+            _require_known("option", word.partition("=")[0], known, parser.prog)
     arguments, left = parser.parse_known_args(words[first + 1 :])
     if left:  # as files are that follow an option which follows files
         arguments = parser.parse_intermixed_args(words[first + 1 :])
     return argparse.Namespace(command=name, **vars(arguments))
+
+
+def _require_known(kind: str, name: str, known: Collection[str], prog: str) -> None:
+    """Raise InputError for a command or an option that there is not, with the one that was perhaps meant."""
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        command = "ohmward " if kind == "command" else ""
+        advice = f"did you mean `{command}{near[0]}`?" if near else f"see `{prog} --help`"
+        raise InputError(f"there is no {kind} {name!r}; {advice}")
 
 
 def _groups() -> str:

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "log: each alone; auto: the first of these that each log has, folders if most have none (default)",
     )
     group = parser.add_argument_group("estimation")
-    group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
+    group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc`")
     add_start_options(group, "at the start of every log; default: its voltage")
     add_sensor_options(group)
     group.add_argument("--estimates", action="store_true", help="write the estimates of every log too, as Parquet")

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("log", metavar="LOG", help=LOG)
     group = parser.add_argument_group("robot and ground")
-    group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"{ROBOT}, which come with ohmward")
+    group.add_argument("--robot", required=True, metavar="FILE.toml", help=ROBOT)
     group.add_argument(
         "--terrain",
         default=DEFAULT_TERRAIN,
