@@ -14,7 +14,7 @@ from ohmward.traction.robot.urdf import read_urdf, rotation
 def link(name, mass_kg=0.0, at="0 0 0", shape="", yaw=0.01):
     inertial = (
         f'<inertial><origin xyz="{at}"/><mass value="{mass_kg}"/>'
-        f'<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="{yaw}"/></inertial>'
+        f'<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.0008" iyz="0" izz="{yaw}"/></inertial>'
     )
     collision = f"<collision><geometry>{shape}</geometry></collision>" if shape else ""
     return f'<link name="{name}">{inertial if mass_kg else ""}{collision}</link>'
@@ -29,7 +29,7 @@ def joint(name, child, at, kind="continuous", axis="0 1 0", parent="base", rpy="
 
 def wheel(name, at, radius_m=0.05, **options):
     shape = f'<cylinder radius="{radius_m}" length="0.02"/>' if radius_m else '<mesh filename="wheel.stl"/>'
-    return link(name, 0.5, shape=shape) + joint(f"{name}_joint", name, at, **options)
+    return link(name, 0.5, shape=shape, yaw=0.001) + joint(f"{name}_joint", name, at, **options)
 
 
 def urdf(tmp_path, *parts):
@@ -48,10 +48,10 @@ def test_two_wheels_and_a_caster(tmp_path):
     robot, centre_m = found.robot, -0.05 * 9.0 / 10.0
     assert isinstance(robot.chassis, TwoWheeled)
     assert (robot.name, robot.mass_kg, robot.wheel.radius_m, robot.wheel.width_m) == ("mine", 10.0, 0.05, 0.02)
-    assert robot.wheel.inertia_kg_m2 == pytest.approx(0.002)
+    assert robot.wheel.inertia_kg_m2 == pytest.approx(0.0008)
     sizes_m = robot.chassis.axle_m, robot.chassis.track_m, *robot.chassis.casters_m
     assert sizes_m == pytest.approx((-centre_m, 0.3, -0.2 - centre_m))
-    parts = 0.2 + 9.0 * (-0.05 - centre_m) ** 2 + 2 * (0.01 + 0.5 * (0.15**2 + centre_m**2))
+    parts = 0.2 + 9.0 * (-0.05 - centre_m) ** 2 + 2 * (0.001 + 0.5 * (0.15**2 + centre_m**2))
     assert robot.yaw_inertia_kg_m2 == pytest.approx(parts)
     assert robot.height_m == pytest.approx(0.9 * 0.1 + 0.05)
     assert found.joints == {"left": "left_wheel_joint", "right": "right_wheel_joint"}
@@ -67,9 +67,19 @@ def test_frames_are_followed_and_a_wheel_that_turns_backwards_is_said(tmp_path):
     )
     found = read_urdf(urdf(tmp_path, BASE, *turned))
     assert isinstance(found.robot.chassis, TwoWheeled) and found.robot.chassis.track_m == pytest.approx(0.3)
-    assert found.robot.wheel.inertia_kg_m2 == pytest.approx(0.01)  # about their own z
+    assert found.robot.wheel.inertia_kg_m2 == pytest.approx(0.001)  # about their own z
     assert [words for words in found.assumed if "right_wheel_joint" in words and "change the sign" in words]
     assert [words for words in found.assumed if words.startswith("caster: none found")]
+
+
+def test_inertias_that_the_masses_cannot_have_are_not_believed(tmp_path):
+    """Links with the inertia 1, as of files that were written for a picture: wheels are discs, the robot is a box."""
+    found = read_urdf(
+        urdf(tmp_path, BASE, *(part.replace('"0.0008"', '"1"').replace('"0.001"', '"1"') for part in PAIR))
+    )
+    assert found.robot.wheel.inertia_kg_m2 == pytest.approx(0.5 * 0.05**2 / 2)
+    assert found.robot.yaw_inertia_kg_m2 == pytest.approx(10.0 * 2 * 0.3**2 / 12)
+    assert sum("that their mass allows" in words for words in found.assumed) == 2
 
 
 def test_a_car_has_its_rear_wheels_and_an_axle_that_steers(tmp_path):

@@ -33,6 +33,8 @@ from ohmward.traction.robot.motor import Motor
 
 GRAVITY = 9.80665
 
+#: Largest yaw inertia over that of all mass at the farthest wheel.
+MOST_YAW = 9.0
 #: Largest relative difference between the sum of the weighed wheel loads and the weight.
 _WEIGHING = 0.05
 
@@ -192,7 +194,7 @@ class Robot(RichDisplay):
             ("wheel.radius_m", radius_m, farthest_m, "the distance of the farthest wheel", 1 / 200, 5.0),
             ("wheel.width_m", self.wheel.width_m, radius_m, "wheel.radius_m", 1 / 100, 100.0),
             ("robot.height_m", self.height_m, farthest_m, "the distance of the farthest wheel", 0.0, 10.0),
-            ("robot.yaw_inertia_kg_m2", self.yaw_inertia_kg_m2, mass_kg * farthest_m**2, of_farthest, 1 / 1000, 9.0),
+            ("robot.yaw_inertia_kg_m2", self.yaw_inertia_kg_m2, mass_kg * farthest_m**2, of_farthest, 1e-3, MOST_YAW),
             ("wheel.inertia_kg_m2", self.wheel.inertia_kg_m2, mass_kg * radius_m**2, of_rim, 0.0, 1.0),
         ):
             if not least * usual <= value <= most * usual:

@@ -19,7 +19,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.packaged import AXLE, WHEEL_MASS, WIDTH, generic_motor
-from ohmward.traction.robot.robot import Robot, Wheel, solid_box_yaw_inertia
+from ohmward.traction.robot.robot import MOST_YAW, Robot, Wheel, solid_box_yaw_inertia
 
 #: An axis is horizontal if its upward component is below this, lateral if its forward component is.
 _MOST_TILT = 0.2
@@ -86,22 +86,25 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         centre_m, square_m2 = np.mean([wheel.at_m for wheel in wheels], axis=0), 0.0
     chassis, names, words = _chassis(driven, _casters(links, wheels), float(centre_m[0]), str(path))
     assumed += words
-    if not square_m2 > 0:
+    farthest_m = max(float(np.hypot(*(wheel.at_m - centre_m)[:2])) for wheel in wheels)
+    if not 0 < square_m2 <= MOST_YAW * farthest_m**2:
         length, width, _ = np.ptp([wheel.at_m for wheel in wheels], axis=0).tolist()
         square_m2 = solid_box_yaw_inertia(1.0, max(length, width), width)
-        assumed.append("yaw inertia: that of a homogeneous box, as the links have none")
+        assumed.append("yaw inertia: that of a uniform box, as the links have none that their mass allows")
+    wheel, words = _wheel(driven, radius, mass_kg or total_kg)
+    assumed += words
     assumed += [
-        f"joint {wheel.joint}: its axis points right, so that its speed is < 0 when the robot drives ahead; change the "
+        f"joint {link.joint}: its axis points right, so that its speed is < 0 when the robot drives ahead; change the "
         "sign of that signal"
-        for wheel in driven
-        if wheel.axis[1] < 0
+        for link in driven
+        if link.axis[1] < 0
     ]
     robot = Robot(
         name=root.get("name") or Path(path).stem,
         mass_kg=mass_kg or total_kg,
         yaw_inertia_kg_m2=(mass_kg or total_kg) * square_m2,
         chassis=chassis,
-        wheel=_wheel(driven, radius, mass_kg or total_kg),
+        wheel=wheel,
         motor=generic_motor(mass_kg or total_kg, radius, len(driven)),
         height_m=max(0.0, float(centre_m[2] - driven[0].at_m[2]) + radius) if total_kg > 0 else 0.0,
     )
@@ -113,14 +116,16 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     return UrdfRobot(robot, joints, turned, tuple(assumed))
 
 
-def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
-    """Mean of the wheels; a uniform disc if they have no inertia."""
+def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> tuple[Wheel, list[str]]:
+    """Mean of the wheels, and what was assumed; a uniform disc unless the inertia is one that their mass can have."""
     widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
     inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
-    wheel_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * mass_kg
-    return Wheel(
-        radius_m, float(np.mean(widths)) if widths else WIDTH * radius_m, inertia or wheel_kg * radius_m**2 / 2
-    )
+    at_rim = (float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * mass_kg) * radius_m**2
+    words = []
+    if not 0 < inertia <= at_rim:
+        inertia = at_rim / 2
+        words.append("inertia of the wheels: that of a uniform disc, as the links have none that their mass allows")
+    return Wheel(radius_m, float(np.mean(widths)) if widths else WIDTH * radius_m, inertia), words
 
 
 def _root(path: str | PathLike[str]) -> ElementTree.Element:
