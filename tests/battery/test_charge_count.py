@@ -86,6 +86,15 @@ def test_a_column_that_disagrees_is_no_counter():
     assert not charge.notes
 
 
+def test_a_counter_without_a_sign_is_not_believed_where_the_current_changes_direction():
+    time_s = np.concatenate([np.arange(0.0, 9000.0, 20.0), np.arange(9000.0, 12600.0, 2.0)])
+    current_A = np.where(time_s < 9000.0, 1.0, -2.5)
+    alone = count_charge(log(time_s, current_A))
+    throughput_Ah = np.cumsum(np.abs(alone.moved_Ah))
+    charge = count_charge(log(time_s, current_A, **{"Capacity(Ah)": throughput_Ah}))
+    assert charge.moved_Ah.tolist() == alone.moved_Ah.tolist() and not charge.notes
+
+
 def test_gap_with_counter_is_resolved_and_without_is_unknown():
     time_s = np.concatenate([np.arange(0.0, 1000.0), np.arange(4000.0, 5000.0)])
     current_A = np.where((time_s > 100) & (time_s < 900), -1.0, np.where(time_s > 4500, -1.0, 0.0))

@@ -123,8 +123,9 @@ def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | N
             continue
         step_Ah = _without_resets(values_Ah, moved_Ah, gap)
         slope = _slope(step_Ah, moved_Ah, usable)
-        if abs(abs(slope) - 1.0) < _COUNTER_TOLERANCE:
-            return Counter(name, np.sign(slope) * step_Ah, _resolution(values_Ah))
+        step_Ah = np.sign(slope) * step_Ah
+        if abs(abs(slope) - 1.0) < _COUNTER_TOLERANCE and _counts_both_ways(step_Ah, moved_Ah, gap):
+            return Counter(name, step_Ah, _resolution(values_Ah))
     return None
 
 
@@ -157,6 +158,14 @@ def _slope(step_Ah: np.ndarray, moved_Ah: np.ndarray, usable: np.ndarray) -> flo
     counted_Ah = np.array([step_Ah[rows].sum() for rows in blocks])
     integral_Ah = np.array([moved_Ah[rows].sum() for rows in blocks])
     return float(counted_Ah @ integral_Ah / max(integral_Ah @ integral_Ah, 1e-300))
+
+
+def _counts_both_ways(step_Ah: np.ndarray, moved_Ah: np.ndarray, gap: np.ndarray) -> bool:
+    """False for a counter of throughput, which grows in both directions, where both have a share in the charge."""
+    both = [way & ~gap for way in (moved_Ah > 0, moved_Ah < 0)]
+    sums = [(float(np.abs(moved_Ah[way]).sum()), float(np.sign(moved_Ah[way]) @ step_Ah[way])) for way in both]
+    least_Ah = _COUNTER_TOLERANCE * sum(flowed_Ah for flowed_Ah, _ in sums)
+    return all(counted_Ah > 0.5 * flowed_Ah for flowed_Ah, counted_Ah in sums if flowed_Ah > least_Ah)
 
 
 def _resolution(values_Ah: np.ndarray) -> float:

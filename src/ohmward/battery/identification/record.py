@@ -29,7 +29,7 @@ FEWEST_OF_A_PULSE = 5
 _JUMP_RATE = 1 / 50
 _JUMP_SHARE = 0.05
 _CONSTANT_SHARE = 0.1
-#: Smallest share of the charge moved slowly in a low-rate test, largest moved by varying currents in a pulse test.
+#: Smallest share of the charge moved slowly in a low-rate test, largest drawn by varying currents in a pulse test.
 _LOW_RATE_SHARE = 0.6
 _VARYING_SHARE = 0.2
 #: Fewest pulses of a pulse test.
@@ -102,13 +102,17 @@ def is_pulse(phase: Phase, capacity_Ah: float) -> bool:
 
 
 def kind_of_test(log: Log, charge: ChargeIntegral, phases: Sequence[Phase], capacity_Ah: float) -> Test:
-    """Low-rate when most charge moved below C/15; pulses when at least 3 stand between rests; else dynamic."""
+    """Low-rate when most charge moved below C/15; pulses when at least 3 stand between rests; else dynamic.
+
+    The current of a charge to the full battery varies in every kind of test.
+    """
     moved_Ah = np.abs(charge.moved_Ah)
     dt_s = np.diff(log.time_s, prepend=log.time_s[0])
     slow = SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0, dt_s, 1.0) < LOW_RATE * capacity_Ah
     if moved_Ah[slow].sum() > _LOW_RATE_SHARE * moved_Ah.sum():
         return "low-rate"
-    varying_Ah = sum(moved_Ah[p.first : p.last + 1].sum() for p in phases if p.kind == "varying")
+    drawn_Ah = np.maximum(-charge.moved_Ah, 0.0)
+    varying_Ah = sum(drawn_Ah[p.first : p.last + 1].sum() for p in phases if p.kind == "varying")
     pulses = len(find_pulses(phases, capacity_Ah))
     return "pulses" if pulses >= _FEWEST_PULSES and varying_Ah < _VARYING_SHARE * moved_Ah.sum() else "dynamic"
 
