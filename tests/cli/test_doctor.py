@@ -1,3 +1,4 @@
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -150,7 +151,19 @@ def test_a_drive_is_examined(here, as_json, capsys):
     ]
     assert "Wheels" in (here / "found.html").read_text(encoding="utf-8")
     assert main(["doctor", "drive.csv"]) == 0
-    assert "wheel left" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert re.search("wheel left +.* rad/s\n", out) and "; no gaps\n" in out
+    assert out.count("neither motor currents nor") == 1
+
+
+def test_a_finding_is_not_listed_as_an_assumption_too(tmp_path, capsys):
+    lines = [
+        "time_s,current_A,voltage_V",
+        *(f"{k},{'' if k == 50 else -(k // 10 % 2)},{3.8 - k // 10 % 2 / 10}" for k in range(100)),
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+    main(["doctor", str(tmp_path / "a.csv")])
+    assert capsys.readouterr().out.count("current: no number in 1 of 100 values") == 1
 
 
 def test_a_drive_with_a_speed_from_outside_shows_the_sizes_of_its_robot(here, as_json):

@@ -139,6 +139,8 @@ def test_text_and_page(there, capsys):
     text = capsys.readouterr().out
     for words in ("range left", "probability", "grass", "point of return", "Assumed"):
         assert words in text
+    assert "std" not in text and "e+0" not in text
+    assert not [line for line in text.splitlines() if line.endswith(" ")]
     html = (there / "page.html").read_text(encoding="utf-8")
     for words in ("State of charge", "On grass", "On gravel", "Probability of arriving"):
         assert words in html

@@ -24,7 +24,7 @@ def percent_band(share: float, std: float) -> str:
 
 def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3) -> str:
     """A number with its unit, "-" where it is not known."""
-    return f"{float(f'{scale * value:.{digits}g}'):g} {unit}" if known(value) else "-"
+    return f"{float(f'{scale * value:.{digits}g}'):g} {unit}".rstrip() if known(value) else "-"
 
 
 def known(value: float | None) -> TypeGuard[float]:

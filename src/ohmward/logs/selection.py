@@ -363,7 +363,7 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
     if differ:
         note = Note(f"{text}the last value of each column kept", "warning")
     else:
-        note = Note(f"{text}joined with it, as no values of theirs differ")
+        note = Note(f"{text}joined with it; no value differs")
     return table._replace(columns=columns, line=table.line[first]).with_notes(note)
 
 

@@ -40,6 +40,7 @@ from ohmward.logs.selection import SeveralRecordingsError, split_selection
 from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE
+from ohmward.quantities import QUANTITIES
 from ohmward.report import Page
 from ohmward.runs import duration
 from ohmward.traction import Robot, load_robot
@@ -249,10 +250,11 @@ def _examined(
 ) -> Part:
     """A log with its length, its figures, what was assumed and what was found."""
     sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
+    also_found = {f"{finding.severity}: {finding.text}" for finding in found.findings}
     text = paragraphs(
         f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
         fields(rows),
-        assumptions(found.notes, "all"),
+        assumptions([note for note in found.notes if note not in also_found], "all"),
         bullets("Found", sentences) or "Found: nothing suspicious.",
     )
     summary = {"path": path} | asdict(found) | {"worst": found.worst}
@@ -349,12 +351,15 @@ def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str
     rows = {"sampling": _sampling(s.sampling)}
     rows |= {f"wheel {place}": f"{_range(wheel)} rad/s" for place, wheel in s.wheels.items()}
     rows |= {f"motor {place}": f"{_range(motor)} A" for place, motor in s.motors.items()}
-    rows |= {name: _range(signal) for name, signal in s.body.items()}
+    body = {QUANTITIES[name]: signal for name, signal in s.body.items()}
+    rows |= {quantity.label.lower(): f"{_range(signal)} {quantity.unit}" for quantity, signal in body.items()}
     return rows | ({"also": ", ".join(log.extra)} if log.extra else {})
 
 
 def _sampling(s: Sampling) -> str:
-    return f"every {s.median_s:.3g} s, {s.shortest_s:.3g} to {s.longest_s:.4g} s; gaps: {s.gaps}"
+    interval, shortest, longest = (f"{value_s:.3g} s" for value_s in (s.median_s, s.shortest_s, s.longest_s))
+    spread = "" if shortest == longest else f", {shortest} to {longest}"
+    return f"every {interval}{spread}; {counted(s.gaps, 'gap') if s.gaps else 'no gaps'}"
 
 
 def contents(log: Log, found: Findings[Survey]) -> dict[str, str]:
@@ -376,7 +381,8 @@ def contents(log: Log, found: Findings[Survey]) -> dict[str, str]:
 
 
 def _range(signal: Signal) -> str:
-    return f"{signal.minimum:.5g} to {signal.maximum:.5g}"
+    low, high = f"{signal.minimum:.5g}", f"{signal.maximum:.5g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def examine_battery(path: str, _: GivenFiles) -> Iterator[Part]:

@@ -22,7 +22,7 @@ from ohmward.energy.points import Quantiles
 from ohmward.energy.range import summary_of
 from ohmward.errors import InputError
 from ohmward.figures import mission as pictures
-from ohmward.figures.numbers import percent, quantity
+from ohmward.figures.numbers import normal, percent, percent_band, quantity
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, Note
@@ -39,7 +39,9 @@ from ohmward.traction import Robot, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_named
 
 #: Columns of the table of grounds.
-TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
+TERRAINS = [
+    "terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance, 95 %",
+]  # fmt: skip
 #: Largest number of grounds that are drawn.
 _MOST_TERRAINS = 6
 #: Column with the name of the ground under each sample, in any case.
@@ -212,7 +214,7 @@ def describe(f: Mapping[str, Any]) -> str:
     return paragraphs(
         f"{f['log'] or 'plan'} with battery {f['battery']!r}{robot}",
         fields(result(f)),
-        table(["energy", "", "share", "std, at most"], parts) if parts else "",
+        table(["energy", "", "share", "95 %, at most"], parts) if parts else "",
         table(TERRAINS, terrain_rows(f)) if f["terrains"] else "",
         fields(plan_rows(f["plan"])) if f["plan"] else "",
         bullets("Advice", advice_lines(f)),
@@ -223,12 +225,12 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
         "drive": drive_text(f["drive"]) if f["drive"] else "",
-        "SoC": f"{percent(f['soc'], 1)}, std {percent(f['soc_std'], 1)}; {percent(f['reserve_soc'], 0)} is the reserve",
+        "SoC": f"{percent_band(f['soc'], f['soc_std'])} (95 %); {percent(f['reserve_soc'], 0)} is the reserve",
         "usable energy": quantiles(f["usable_J"], "Wh", 1 / SECONDS_PER_HOUR),
         "range left": quantiles(f["range_m"], "m"),
         "time left": " / ".join(map(duration, f["time_left_s"])) + "  (P10 / P50 / P90)",
         "energy ahead": quantiles(f["energy_J_per_m"], "J/m"),
-        "idle power": f"{f['idle_W']:.3g} W, std {f['idle_std_W']:.2g} W",
+        "idle power": f"{normal({'mean': f['idle_W'], 'std': f['idle_std_W']}, 'W')} (95 %)",
     }
     return {name: text for name, text in rows.items() if text}
 
@@ -254,9 +256,9 @@ def terrain_rows(f: Mapping[str, Any]) -> list[list[str]]:
             str(t.drives),
             f"{t.distance_m:.4g} m",
             quantity(t.energy_J_per_m, "J/m"),
-            quantity(t.cost_of_transport, "").strip(),
+            quantity(t.cost_of_transport, ""),
             f"{t.expected_J_per_m.p10:.3g} to {t.expected_J_per_m.p90:.3g} J/m",
-            f"{t.force_N:.3g} N, std {t.force_std_N:.2g} N",
+            normal({"mean": t.force_N, "std": t.force_std_N}, "N"),
         ]
         for name, t in f["terrains"].items()
     ]
@@ -292,7 +294,7 @@ def advice_lines(f: Mapping[str, Any]) -> list[str]:
     """A sentence or two for each ground."""
     lines = []
     for name, a in f["advice"].items():
-        saved = f"{a.saving_J_per_m:.2g} ± {BAND_95 * a.saving_std_J_per_m:.1g} J/m"
+        saved = normal({"mean": a.saving_J_per_m, "std": a.saving_std_J_per_m}, "J/m")
         sure = a.saving_J_per_m > 2 * a.saving_std_J_per_m
         text = f"{name}: least energy per metre at {a.speed_m_s:.2g} m/s, saves {saved} against the present speed"
         text += "" if sure else "; that is not certain"
@@ -334,7 +336,7 @@ def make_page(found: MissionResult, f: Mapping[str, Any]) -> Page:
         page = page.heading("Where the energy went")
         page = page.plot(*plots, pictures.speed_figure(record), clock=wall_clock(record.log))
         if record.balance:
-            page = page.table(["Part", "Energy", "Share", "Std, at most"], split_rows(f["drive"]))
+            page = page.table(["Part", "Energy", "Share", "95 %, at most"], split_rows(f["drive"]))
     if found.consumption.terrains:
         page = page.heading("What the ground takes").table(TERRAINS, terrain_rows(f))
     for name in found.consumption.terrains[:_MOST_TERRAINS]:

@@ -122,7 +122,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
         "radius": f"{radius} ± {percent(BAND_95 * f['radius_std'], 1)} of the robot's" if f["radius_ratio"] else "",
         "speed unobserved": f"{percent(f['unobserved_share'], 1)} of the time",
-        "flagged samples": flagged(f["flags"]),
+        "flagged samples": flagged({name: count for name, count in f["flags"].items() if count < f["steps"]}),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
     }
     if f["floor_share"]:
