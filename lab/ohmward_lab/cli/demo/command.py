@@ -171,7 +171,7 @@ _SUBTITLE = "Everything here is simulated: a robot with a 12 V battery, its day,
 
 #: Steps of the demo in the order of the story: the title of each, and how many sections of its own report are shown.
 CHAPTERS = {
-    "identify": ("The battery, from its pulse test", 0),
+    "identify": ("The battery, from its pulse test", 1),
     "soc": ("Charge over the day", 0),
     "simulate": ("The drive home as it was", 0),
     "slip": ("Speed and slip as the robot knows them", 0),

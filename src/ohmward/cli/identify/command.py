@@ -16,7 +16,7 @@ from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, LogDetails, identify_in_detail
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress
-from ohmward.cli.wording import bullets, paragraphs, table, written_battery
+from ohmward.cli.wording import bullets, paragraphs, sentence, table, written_battery
 from ohmward.figures import battery as pictures
 from ohmward.figures.numbers import quantity
 from ohmward.figures.parts import wall_clock
@@ -166,14 +166,16 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
     page = Page(f"Battery {battery.name!r}", what).numbers(_numbers(battery, figures["logs"]))
     if not found.fits:
         page = page.callout("warning", MISFIT)
-    for text in battery.not_identified:
-        page = page.callout("warning", f"Not identified: {text}")
     rests = list(chain.from_iterable(log.rests for log in found.logs))
     page = page.heading("Open-circuit voltage").plot(pictures.ocv_figure(model.ocv, found.branches, rests, found.fit))
     if any(model.r0_discharge_ohm):
         page = page.heading("Resistances").plot(pictures.resistance_figure(model, found.fit))
     if edges := list(chain.from_iterable(log.edges for log in found.logs)):
         page = page.plot(pictures.edge_figure(edges))
+    if battery.not_identified:
+        page = page.heading("Not identified")
+    for text in battery.not_identified:
+        page = page.callout("warning", sentence(text))
     for details in found.logs:
         page = _log(page, details)
     if figures["rc"]:

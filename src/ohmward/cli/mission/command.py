@@ -310,9 +310,9 @@ def make_page(found: MissionResult, f: Mapping[str, Any]) -> Page:
     robot = f", robot {f['robot']!r}" if f["robot"] else ""
     numbers = {
         "Range left, P50": quantity(f["range_m"].p50, "m"),
-        "with 90 % probability": quantity(f["range_m"].p10, "m"),
+        "With 90 % probability": quantity(f["range_m"].p10, "m"),
         "Time left, P50": duration(f["time_left_s"].p50),
-        "SoC now": percent(f["soc"], 1),
+        "SoC now": percent_band(f["soc"], f["soc_std"]),
         "Energy per metre": quantity(f["drive"].energy_J_per_m, "J/m") if f["drive"] else "",
         "Plan with the reserve left": percent(f["probability"], 1),
     }
