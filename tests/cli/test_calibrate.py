@@ -87,6 +87,22 @@ def test_from_drives_to_a_robot_its_floors_and_its_slip(folder, as_json, capsys)
     assert "--floor NAME chooses from --floors FILE.toml" in capsys.readouterr().err
 
 
+def test_the_topic_of_a_pose_is_its_columns(folder, as_json):
+    """A position with a quaternion, of a mark that is tilted by 0.3 rad about its own x, beside x, y and heading."""
+    parts = columns(0, SMOOTH, 0)
+    heading, tilt = np.radians(parts.pop("angle") + 90.0) / 2, 0.15
+    quaternion = np.cos(heading) * np.sin(tilt), np.sin(heading) * np.sin(tilt), np.sin(heading) * np.cos(tilt)
+    topic = {"/mark/pose.position.x": 1e-3 * parts.pop("x"), "/mark/pose.position.y": -1e-3 * parts.pop("y")}
+    topic |= {f"/mark/pose.orientation.{axis}": q for axis, q in zip("xyz", quaternion, strict=True)}
+    topic["/mark/pose.orientation.w"] = np.cos(heading) * np.cos(tilt)
+    write_table(parts | topic, "mocap.csv")
+    words = ("--robot", "start.toml", "--what", "radius", "-o", "robot.toml")
+    by_topic = as_json("calibrate", "mocap.csv", *words, "--pose", "/mark")
+    by_columns = as_json("calibrate", "smooth.csv:run=0", *words, *POSE[:-2])
+    (one,), (other,) = by_topic["parameters"], by_columns["parameters"]
+    assert one["value"] == pytest.approx(other["value"], rel=1e-6)
+
+
 def test_what_people_read(folder, capsys):
     assert main(["calibrate", "soft.csv", "--robot", "start.toml", *POSE, "--report", "page.html"]) == 0
     out = capsys.readouterr().out
@@ -108,7 +124,7 @@ def test_loads_as_weighed_are_written(folder, as_json):
     "words, message",
     [
         ((*POSE, "--truth", "x"), "give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING"),
-        ((), "has no speed from outside; name its column (--column speed=NAME, --truth NAME, --pose X,Y,HEADING)"),
+        ((), "no speed from outside; name its column (--column speed=NAME, --truth NAME, --pose X,Y,HEADING or TOPIC)"),
         (("--pose", "x,y"), "--pose takes three columns X,Y,HEADING of the log, got 'x,y'"),
         (("--truth", "x"), "moves sideways too"),
         ((*POSE, "--floor", "soft"), "--floor NAME and --floors FILE.toml belong together"),

@@ -146,15 +146,32 @@ def _pose_motion(log: DriveLog, names: Sequence[str], robot: Robot, args: argpar
     Raises:
         InputError: not three columns, or one that the log does not have.
     """
-    if len(names) != 3 or any(name not in log.extra for name in names):
+    unit_rad = np.radians(1.0) if args.pose_unit == "deg" else 1.0
+    if of_topic := _pose_of_topic(log, names):
+        x, y, heading_rad = of_topic
+    elif len(names) == 3 and all(name in log.extra for name in names):
+        x, y, heading_rad = (scale * log.extra[name] for name, scale in zip(names, (1.0, 1.0, unit_rad), strict=True))
+    else:
         raise InputError(
-            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}; "
-            f"it has: {', '.join(log.extra)}"
+            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}, or a topic, given to "
+            f"--topic too; it has: {', '.join(log.extra)}"
         )
-    x, y, heading = (log.extra[name] for name in names)
-    turned = (np.radians(1.0) if args.pose_unit == "deg" else 1.0) * heading + np.radians(args.pose_turn)
     scale = args.pose_scale  # metres per unit of x and y, or of both
-    return without_lateral(robot, motion_from_pose(log.time_s, scale[0] * x, scale[-1] * y, turned))
+    heading_rad = heading_rad + np.radians(args.pose_turn)
+    return without_lateral(robot, motion_from_pose(log.time_s, scale[0] * x, scale[-1] * y, heading_rad))
+
+
+def _pose_of_topic(log: DriveLog, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """x, y and heading [rad] (T,) of a topic of ROS with a position and a quaternion; None where there is none."""
+    of_topic = {name.replace("translation", "position").replace("rotation", "orientation"): name for name in log.extra}
+    ends = ("position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw"))
+    found = [
+        n for end in ends for n in of_topic if len(names) == 1 and n.startswith(f"{names[0]}/") and n.endswith(end)
+    ]
+    if len(found) != len(ends):
+        return None
+    x, y, a, b, c, d = (log.extra[of_topic[name]] for name in found)
+    return x, y, np.arctan2(2.0 * (d * c + a * b), 1.0 - 2.0 * (b * b + c * c))
 
 
 def truth_names(text: str | None) -> list[str]:

@@ -57,7 +57,8 @@ def test_pulses_follow_a_rest_and_are_short():
     "phases, test",
     [
         (pulse_phases(count=3, rest_s=700), "pulses"),
-        ([(60, 0.03 * k, 10) for k in range(66, 0, -1)] + pulse_phases(count=3, rest_s=700), "pulses"),  # charged before
+        # after a charge that tapers
+        ([(60, 0.03 * k, 10) for k in range(66, 0, -1)] + pulse_phases(count=3, rest_s=700), "pulses"),
         ([(600, 0, 60), (30 * 3600, -2 / 30, 60)], "low-rate"),
         ([(60, 0, 1), (3000, -2, 1), (60, 0, 1)], "dynamic"),
     ],

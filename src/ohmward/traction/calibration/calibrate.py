@@ -178,7 +178,7 @@ def with_sensed_motion(robot: Robot, log: CalibrationDrive | DriveLog, by_wheels
     if not by_wheels or yaw_rate_rad_s is None:
         raise InputError(
             f"log {log.name!r} has no speed from outside{' and no gyro' if by_wheels else ''}; name its column "
-            "(--column speed=NAME, --truth NAME, --pose X,Y,HEADING), or give CalibrationDrive(log, motion)"
+            "(--column speed=NAME, --truth NAME, --pose X,Y,HEADING or TOPIC), or give CalibrationDrive(log, motion)"
         )
     wheels = np.column_stack([between(log.time_s, values) for values in log.wheel_speed_rad_s.T])
     motion = motion_from_wheels(robot, wheels[:, : robot.driven])
