@@ -23,6 +23,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx.ext.autodoc",
+    "accessible",
     "listed_names",
     "offline_math",
     "plain_docstrings",
