@@ -40,6 +40,10 @@ def test_linear_ticks_lie_inside_and_are_multiples_of_their_step(low, span):
     assert ticks / step == pytest.approx(np.round(ticks / step), abs=1e-6)
 
 
+def test_an_axis_has_two_ticks_at_least():
+    assert linear_ticks(-9.1, 9.1, 2).tolist() == [-5.0, 0.0, 5.0]
+
+
 @pytest.mark.parametrize(
     ("low", "high", "labels"),
     [

@@ -93,10 +93,11 @@ def nice_step(span: float, intervals: int) -> float:
 
 
 def linear_ticks(low: float, high: float, intervals: int = 6) -> np.ndarray:
-    """Multiples of a nice step within [low, high], low < high."""
+    """Multiples of a nice step within [low, high], low < high: two at least."""
     step = nice_step(high - low, intervals)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return np.round(np.arange(first, last + 1) * step, decimals(step)) + 0.0
+    ticks = np.round(np.arange(first, last + 1) * step, decimals(step)) + 0.0
+    return ticks if ticks.size > 1 or intervals > 9 else linear_ticks(low, high, intervals + 1)
 
 
 def tick_labels(ticks: np.ndarray) -> list[str]:
