@@ -40,12 +40,11 @@ def test_the_help_explains_every_layout_and_another_is_refused(monkeypatch, refu
 
 
 @pytest.mark.parametrize("name", PACKAGED)
-def test_known_robots_are_shown_with_a_drawing(name, capsys):
+def test_known_robots_are_shown_with_their_wheels(name, capsys):
     assert main(["robot", name]) == 0
     out = capsys.readouterr().out
-    assert PACKAGED[name].name in out and "+" in out
-    drawing = out.split("\n\n")[1]
-    assert drawing.count("#") == PACKAGED[name].driven
+    assert out.startswith(f"{PACKAGED[name].name}: ") and " m ahead, " in out
+    assert all(f"  {place.name} " in out for place in PACKAGED[name].places)
 
 
 @pytest.mark.parametrize("given", [(), ("--radius", "0.061")], ids=["GNSS and gyro", "radius and gyro"])

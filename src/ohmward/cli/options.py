@@ -77,9 +77,7 @@ def add_truth_options(parser: argparse.ArgumentParser) -> None:
     """Options of the columns of the true motion: speeds, or a pose."""
     group = parser.add_argument_group("the true motion (default: the log's speed from outside, and its gyro)")
     group.add_argument("--truth", metavar="COLUMN[,...]", help="columns of speed, yaw rate and lateral speed")
-    group.add_argument(
-        "--pose", metavar="X,Y,HEADING", help="columns of the pose that a camera or total station saw, or its topic"
-    )
+    group.add_argument("--pose", metavar="X,Y,HEADING", help="columns of the pose from a camera, or its topic")
     group.add_argument("--pose-scale", type=floats, default=[1.0], metavar="SX[,SY]", help="metres per unit of X and Y")
     group.add_argument("--pose-turn", type=float, default=0.0, metavar="DEG", help="added to the heading [degrees]")
     group.add_argument("--pose-unit", choices=("deg", "rad"), default="deg", help="of the heading (default deg)")

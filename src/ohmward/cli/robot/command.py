@@ -28,8 +28,6 @@ from ohmward.traction.robot.urdf import read_urdf
 _GENERIC = "motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are"
 #: Layout of a robot whose log has the speeds of four wheels.
 _FOUR_WHEELS = "skid-steer"
-#: Size of the drawing in characters, which are twice as high as wide.
-_COLUMNS, _LINES = 41, 15
 
 
 class SourcedRobot(NamedTuple):
@@ -134,7 +132,7 @@ def _facts(robot: Robot) -> dict[str, Any]:
 
 
 def _text(found: SourcedRobot, output: str | None, backup: Path | None) -> str:
-    """Facts and a drawing, what was assumed, and what to do next."""
+    """Facts, the places of the wheels, what was assumed, and what to do next."""
     robot, facts = found.robot, _facts(found.robot)
     other = ", steers" if isinstance(robot.chassis, Steered) else ", rolls along"
     places = [
@@ -150,7 +148,6 @@ def _text(found: SourcedRobot, output: str | None, backup: Path | None) -> str:
     ]
     return paragraphs(
         f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
-        "\n".join(_drawing(robot)),
         "\n".join(places),
         table(PARAMETERS, parameter_rows(found.parameters)) if found.parameters else "",
         bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
@@ -158,19 +155,3 @@ def _text(found: SourcedRobot, output: str | None, backup: Path | None) -> str:
         f"robot file: {output}" + (f"; before: {backup}" if backup else "") if output else "",
         bullets("Next", following) if output else "",
     )
-
-
-def _drawing(robot: Robot) -> list[str]:
-    """The robot from above, forward upwards: driven wheels #, others o, the centre of gravity +."""
-    places = robot.places
-    reach = 1.15 * max(max(abs(place.x_m), abs(place.y_m)) for place in places)
-    rows = [[" "] * _COLUMNS for _ in range(_LINES)]
-
-    def mark(x_m: float, y_m: float, sign: str) -> None:
-        rows[round((_LINES - 1) * (1 - x_m / reach) / 2)][round((_COLUMNS - 1) * (1 - y_m / reach) / 2)] = sign
-
-    mark(0.0, 0.0, "+")
-    mark(reach, 0.0, "^")
-    for place in places:
-        mark(place.x_m, place.y_m, "#" if place.driven else "o")
-    return ["  " + "".join(row).rstrip() for row in rows]
