@@ -100,9 +100,8 @@ def accuracy_table(text: str, to_empty: str) -> list[str]:
         ours, counted = charge[data, "default", start], charge[data, "coulomb", start]
         lines.append(f"| {words} | {ours[RMSE]} points | {counted[RMSE]} points | {ours[COVERAGE]} |")
     slip, coverage = float(motion[*SLIP, SLIP_ERROR]), motion[*SLIP, SLIP_COVERAGE].rstrip("%")
-    lines.append(
-        f"| Slip of an omni-directional robot on a slippery floor, mean of a run | {slip:.3f} | | {coverage} % |"
-    )
+    what = "Slip ratio of an omni-directional robot on a slippery floor, mean of a run"
+    lines.append(f"| {what} | {100 * slip:.1f} points | | {coverage} % |")
     if found := range_figures(to_empty):
         lines.append(
             f"| Range of simulated robots driven to empty, from half charge on, median | {found[RANGE_ERROR]} % | "
