@@ -188,7 +188,7 @@ def take_log(source: Any, how: int) -> None:
     """
     import numpy as np
 
-    from ohmward.cli.doctor.command import DriveOptions, GivenFiles, examine_log
+    from ohmward.cli.doctor import DriveOptions, GivenFiles, examine_log
     from ohmward.logs import FileHints, examine, read_drive, read_log
     from ohmward.logs.doctor import examine_drive
     from ohmward.logs.log import ReadOptions

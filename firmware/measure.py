@@ -27,8 +27,8 @@ from emulator import INSTALL, MACHINES, TOOLS, Answer, Machine, Sizes, compile_l
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import samples_of
+from ohmward.cli import twin as twin_command
 from ohmward.cli.main import parse
-from ohmward.cli.twin import command as twin_command
 from ohmward.embedded import Export, Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.embedded.twin import first_of
 from ohmward.errors import OhmwardError

@@ -10,7 +10,7 @@ from cli.examples import drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.cli.doctor.command import sources
+from ohmward.cli.doctor import sources
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
 from ohmward.traction import RLMA, save_robot

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from ohmward.cli.drive import command
-from ohmward.cli.drive.command import EVENT, keys_of, line, moved_stick, pressed
+from ohmward.cli.drive import EVENT, keys_of, line, moved_stick, pressed
 from ohmward.cli.main import main
 from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.loop import ControlLoop
@@ -177,7 +176,7 @@ def test_stop_stops_whoever_drives(robot, capsys):
 def test_a_robot_that_does_not_stop_is_named_with_the_emergency_stop(robot, monkeypatch, capsys):
     port, _ = robot
     monkeypatch.setattr(DriveControl, "request_stop", lambda *_: None)
-    monkeypatch.setattr(command, "_STOP_S", 0.3)
+    monkeypatch.setattr("ohmward.cli.drive._STOP_S", 0.3)
     assert main(["drive", f"127.0.0.1:{port}", "--stop"]) == 2
     assert "the robot does not stop; press its emergency stop" in capsys.readouterr().err
 

@@ -20,7 +20,7 @@ import pytest
 from fleet.examples import BATTERY, day, write
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
-from ohmward.cli.fleet.command import make_page
+from ohmward.cli.fleet import make_page
 from ohmward.cli.main import main
 from ohmward.fleet import RobotRecord
 from ohmward.logs import Log, read_log, write_log

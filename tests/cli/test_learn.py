@@ -14,7 +14,7 @@ from cli.examples import battery, drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning.fold import not_identified_sentences
-from ohmward.cli.doctor.command import sources
+from ohmward.cli.doctor import sources
 from ohmward.cli.main import main
 from ohmward.fleet import learning
 from ohmward.logs import write_log

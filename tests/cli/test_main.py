@@ -16,10 +16,7 @@ from ohmward.__main__ import run
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
 from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS, published
-from ohmward.cli import doctor as doctor
-from ohmward.cli import identify as identify
-from ohmward.cli import main
-from ohmward.cli import soc as soc
+from ohmward.cli import arguments, main
 from ohmward.cli.parser import count, pair, share
 from ohmward.errors import OhmwardError
 from ohmward.traction import RLMA, save_robot
@@ -170,9 +167,9 @@ def test_every_help_has_examples_and_the_options_common_to_all(command, capsys):
 
 EXAMPLES = [
     line.strip()
-    for text in (doctor.EXAMPLES, identify.EXAMPLES, soc.EXAMPLES)
-    for line in text.splitlines()
-    if line.startswith("  ohmward ")
+    for add_arguments in (arguments.doctor, arguments.identify, arguments.soc)
+    for line in (add_arguments.__doc__ or "").splitlines()
+    if line.startswith("    ohmward ")
 ]
 
 

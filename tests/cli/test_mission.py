@@ -207,7 +207,7 @@ def test_the_file_is_read_once(there, as_json, monkeypatch):
 
         return file._replace(load=load)
 
-    monkeypatch.setattr("ohmward.cli.mission.command.open_table", counted)
+    monkeypatch.setattr("ohmward.cli.mission.open_table", counted)
     as_json(*LOG)
     assert len(loads) == 1
 

@@ -3,9 +3,9 @@ from contextlib import nullcontext
 
 import pytest
 
+from ohmward.cli import soc
 from ohmward.cli.main import main
 from ohmward.cli.outcome import counting, progress
-from ohmward.cli.soc import command as soc
 
 
 def test_nobody_watches():

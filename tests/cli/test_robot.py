@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from logs.bags.examples import joint_states, twists, write_mcap
+from ohmward.cli import arguments
 from ohmward.cli.main import main
-from ohmward.cli.robot import add_arguments
 from ohmward.logs import write_table
 from ohmward.traction import load_robot
 from ohmward.traction.robot.packaged import LAYOUTS, PACKAGED, generic_robot
@@ -33,7 +33,7 @@ def test_the_next_commands_quote_the_name_of_the_file(capsys, tmp_path, monkeypa
 def test_the_help_explains_every_layout_and_another_is_refused(monkeypatch, refused):
     monkeypatch.setenv("COLUMNS", "2000")
     parser = argparse.ArgumentParser()
-    add_arguments(parser)
+    arguments.robot(parser)
     assert all(f" {layout}: " in parser.format_help() for layout in LAYOUTS)
     words = ("robot", "--radius", "0.06", "--track", "0.3", "--mass", "12", "--layout", "tank")
     assert f"layout must be one of {', '.join(LAYOUTS)}, got 'tank'" in refused(*words)

@@ -16,7 +16,7 @@ import pytest
 from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
-from ohmward.cli.run.command import summary, watch_setup
+from ohmward.cli.run import summary, watch_setup
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks.page import PageSink
@@ -203,7 +203,7 @@ def test_the_demonstration_takes_another_port_where_its_own_is_taken(monkeypatch
 
 
 def test_a_setup_that_is_edited_meanwhile_is_named(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr("ohmward.cli.run.command.EDITED_S", 0.01)
+    monkeypatch.setattr("ohmward.cli.run.EDITED_S", 0.01)
     setup = tmp_path / "robot.toml"
     setup.write_text("before")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from ohmward import generic_battery, save_battery
+from ohmward.cli import service
 from ohmward.cli.main import main
-from ohmward.cli.service import command
-from ohmward.cli.service.command import obstacles, unit
+from ohmward.cli.service import obstacles, unit
 from ohmward.errors import InputError
 
 ANALYZE = shutil.which("systemd-analyze")
@@ -36,9 +36,9 @@ def machine(tmp_path, monkeypatch):
     """A folder of units, and root."""
     units = tmp_path / "units"
     units.mkdir()
-    monkeypatch.setattr(command, "UNITS", units)
+    monkeypatch.setattr(service, "UNITS", units)
     monkeypatch.setattr("os.geteuid", lambda: 0)
-    monkeypatch.setattr("ohmward.cli.service.command._HIDDEN", (Path("/nobody"),))
+    monkeypatch.setattr("ohmward.cli.service._HIDDEN", (Path("/nobody"),))
     return units
 
 
@@ -60,7 +60,7 @@ def test_systemd_takes_the_unit(setup, tmp_path):
     done = subprocess.run([str(ANALYZE), "verify", str(path)], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     path.write_text(unit(setup).replace("WatchdogSec=10", "WatchdogSec=soon"), encoding="utf-8")
-    assert "Failed to parse" in " ".join(command.verify(path))
+    assert "Failed to parse" in " ".join(service.verify(path))
 
 
 @pytest.mark.skipif(ANALYZE is None, reason="needs systemd-analyze")
@@ -145,7 +145,7 @@ def test_paths_that_mean_another_place_are_refused(setup, machine):
 
 
 def test_a_folder_that_the_service_does_not_see_is_refused(setup, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.service.command._HIDDEN", (Path(sys.executable).parent, setup.parent))
+    monkeypatch.setattr("ohmward.cli.service._HIDDEN", (Path(sys.executable).parent, setup.parent))
     found = " ".join(obstacles(setup))
     assert f"a service does not see {sys.executable}, which runs this" in found
     assert f"a service does not see {setup}, nor anything" in found

@@ -8,7 +8,7 @@ import pytest
 
 from cli.drives import WHEELS, drive, write_drive
 from ohmward.cli.main import main
-from ohmward.cli.slip.command import _friction, _turn
+from ohmward.cli.slip import _friction, _turn
 from ohmward.logs import read_drive
 from ohmward.traction import RLMA, ROBOTINO, save_robot
 

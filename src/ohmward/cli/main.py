@@ -6,6 +6,7 @@ import argparse
 import atexit
 import difflib
 import gc
+import inspect
 import io
 import os
 import shlex
@@ -15,17 +16,16 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
-from types import ModuleType
 
 from ohmward import __version__
+from ohmward.cli import arguments
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.cli.wording import Detail, styled, width
 from ohmward.errors import InputError, OhmwardError
 
-#: Commands grouped by purpose, in the order of the help. Each is a module `cli.NAME` with EXAMPLES,
-#: `add_arguments` and `run`, loaded only when it is typed; a `run` with heavy imports is in `cli/NAME/command.py`,
-#: loaded once the arguments have been parsed.
+#: Commands grouped by purpose, in the order of the help. `cli.arguments.NAME` adds the arguments of each; `cli.NAME`,
+#: loaded once they have been parsed, has `run`. In the laboratory each is a package with `add_arguments` and `command`.
 GROUPS = {
     "a log or a file, whatever it is": {
         "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
@@ -174,15 +174,15 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     first = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
     name = top.parse_args(words[: first + 1]).command
     _require_known("command", name, COMMANDS, "ohmward")
-    module = _load(name)
+    add_arguments = _arguments_of(name)
     parser = Parser(
         prog=f"ohmward {name}",
         description=f"{COMMANDS[name][:1].upper()}{COMMANDS[name][1:]}.",
-        epilog=f"examples:\n{module.EXAMPLES}",
+        epilog=_examples(add_arguments),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    module.add_arguments(parser)
+    add_arguments(parser)
     more = parser.add_argument_group("detail").add_mutually_exclusive_group()
     more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
     more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
@@ -219,16 +219,24 @@ def _groups() -> str:
     return "\n".join(lines)
 
 
-def _load(name: str) -> ModuleType:
-    """Module of a command."""
-    package = "ohmward_lab" if name in OF_THE_LABORATORY else "ohmward"
-    return import_module(f"{package}.cli.{name}")
+def _arguments_of(name: str) -> Callable[[argparse.ArgumentParser], None]:
+    """Function that adds the arguments of a command to its parser, with examples in its docstring."""
+    where, word = arguments, name
+    if name in OF_THE_LABORATORY:
+        where, word = import_module(f"ohmward_lab.cli.{name}"), "add_arguments"
+    add: Callable[[argparse.ArgumentParser], None] = getattr(where, word)
+    return add
+
+
+def _examples(add_arguments: Callable[[argparse.ArgumentParser], None]) -> str:
+    """The examples in a docstring, behind its first line, and a remark below them."""
+    _, _, below = inspect.cleandoc(add_arguments.__doc__ or "").partition("\n\n")
+    examples, space, remark = below.partition("\n\n")
+    return f"examples:\n{textwrap.indent(examples, '  ')}{space}{remark}\n"
 
 
 def run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
     """`run` of a command, imported by this call."""
-    module = _load(name)
-    run: Callable[[argparse.Namespace], Outcome] = (
-        module.run if hasattr(module, "run") else import_module(f"{module.__name__}.command").run
-    )
+    place = f"ohmward_lab.cli.{name}.command" if name in OF_THE_LABORATORY else f"ohmward.cli.{name}"
+    run: Callable[[argparse.Namespace], Outcome] = import_module(place).run
     return run

@@ -86,7 +86,7 @@ for estimator in SocEstimator(generic_battery("lfp", 12.0, 4)), SlipEstimator("r
 
 
 def test_every_process_finds_the_same_key_whatever_else_it_has_loaded():
-    programs = KEYS, f"import ohmward.cli.soc.command, ohmward.energy\n{KEYS}"
+    programs = KEYS, f"import ohmward.cli.soc, ohmward.energy\n{KEYS}"
     one, other = (
         subprocess.check_output([sys.executable, "-c", program], text=True, env=os.environ | {"PYTHONHASHSEED": seed})
         for program, seed in zip(programs, "12", strict=True)

@@ -8,17 +8,16 @@ from ohmward.cli.options import add_output_options
 from ohmward.cli.parser import count, positive
 from ohmward_lab.assess import LARGEST_RMSE
 
-EXAMPLES = """\
-  ohmward assess --report limits.html
-  ohmward assess --only lfp --only "current offset" --runs 50
-  ohmward assess --only ekf --only default --json
-  ohmward assess traction --report limits.html
-  ohmward assess traction --only rlma --only "patches of ice" --largest-error 5
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
+    """Add the arguments of `ohmward assess`.
+
+    ohmward assess --report limits.html
+    ohmward assess --only lfp --only "current offset" --runs 50
+    ohmward assess --only ekf --only default --json
+    ohmward assess traction --report limits.html
+    ohmward assess traction --only rlma --only "patches of ice" --largest-error 5
+    """
     parser.add_argument(
         "study",
         nargs="?",

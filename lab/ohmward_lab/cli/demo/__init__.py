@@ -6,13 +6,12 @@ import argparse
 
 from ohmward.cli.parser import count
 
-EXAMPLES = """\
-  ohmward demo
-  ohmward demo --out my-demo --seed 7
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
+    """Add the arguments of `ohmward demo`.
+
+    ohmward demo
+    ohmward demo --out my-demo --seed 7
+    """
     parser.add_argument("--out", default="ohmward-demo", metavar="FOLDER", help="default: %(default)s")
     parser.add_argument("--seed", type=count, default=1, metavar="N", help="another seed, another day (default 1)")

@@ -7,21 +7,20 @@ import argparse
 from ohmward.cli.options import add_log_options, add_output_options
 from ohmward.cli.parser import share
 
-EXAMPLES = """\
-  ohmward reproduce paper --report paper.html
-  ohmward reproduce thesis --only 3.2
-  ohmward reproduce thesis --json
-  ohmward reproduce thesis --only measured --log day.csv --battery battery.toml --initial-soc 0.9
-  ohmward reproduce thesis --only nmc --data ~/battery-data
-  ohmward reproduce errata
-"""
-
 #: Publications, and the list of their errors, repeated from `ohmward_lab.reproduce` so that the help needs no NumPy.
 SUBJECTS = ("thesis", "paper", "errata")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
+    """Add the arguments of `ohmward reproduce`.
+
+    ohmward reproduce paper --report paper.html
+    ohmward reproduce thesis --only 3.2
+    ohmward reproduce thesis --json
+    ohmward reproduce thesis --only measured --log day.csv --battery battery.toml --initial-soc 0.9
+    ohmward reproduce thesis --only nmc --data ~/battery-data
+    ohmward reproduce errata
+    """
     parser.add_argument(
         "subject",
         choices=SUBJECTS,

@@ -7,16 +7,6 @@ import argparse
 from ohmward.cli.options import add_output_options
 from ohmward.cli.parser import count, number, positive, share
 
-EXAMPLES = """\
-  ohmward simulate --list
-  ohmward simulate onto-ice --report onto-ice.html
-  ohmward simulate --example > my.toml
-  ohmward simulate my.toml -o drive.parquet --report drive.html
-  ohmward slip drive.parquet --robot rlma --truth speed_true_m_s
-  ohmward simulate --cell Prada2013 --record pulse-test -o test.csv
-  ohmward simulate --cell Prada2013 --record day --ambient-degc -10 --aged-to 0.8 -o day.csv
-"""
-
 #: Records and models of a cell, repeated from `simulate.electrochemical` so that the help needs no NumPy.
 RECORDS, MODELS = ("pulse-test", "low-rate-test", "day"), ("SPMe", "DFN", "lead-acid")
 
@@ -25,7 +15,16 @@ OF_CELLS = ("record", "model", "n_series", "ambient_degc", "aged_to", "resistanc
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
+    """Add the arguments of `ohmward simulate`.
+
+    ohmward simulate --list
+    ohmward simulate onto-ice --report onto-ice.html
+    ohmward simulate --example > my.toml
+    ohmward simulate my.toml -o drive.parquet --report drive.html
+    ohmward slip drive.parquet --robot rlma --truth speed_true_m_s
+    ohmward simulate --cell Prada2013 --record pulse-test -o test.csv
+    ohmward simulate --cell Prada2013 --record day --ambient-degc -10 --aged-to 0.8 -o day.csv
+    """
     parser.add_argument(
         "scenario", nargs="?", metavar="SCENARIO", help="a scenario file (.toml), or the name of one of --list"
     )

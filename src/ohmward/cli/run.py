@@ -16,7 +16,6 @@ from typing import Any
 
 from ohmward.checks import require_positive
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.run import JSON, TEXT
 from ohmward.cli.wording import bullets, paragraphs
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
@@ -42,7 +41,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Run until the sources end or the user stops it; or check a setup, or print an example."""
     _check_arguments(args)
     if args.example:
-        return Outcome({}, files("ohmward.cli.run").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
+        return Outcome({}, files("ohmward.cli").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
     if args.check:
         return _check(args.setup, args.seconds or CHECK_S)
     begin_log(args.log_format)
@@ -56,7 +55,7 @@ def run(args: argparse.Namespace) -> Outcome:
         process.estimation.compile()
         asyncio.run(_run(process, args.seconds))
     except OhmwardError as error:
-        if args.log_format == TEXT:
+        if args.log_format == "text":
             raise
         LOG.error("%s", error)
         return Outcome({}, "", status=REFUSED)
@@ -154,7 +153,7 @@ class JsonFormatter(logging.Formatter):
 def begin_log(log_format: str) -> None:
     """Send the log, and warnings with it, to standard error."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonFormatter() if log_format == JSON else logging.Formatter("ohmward: %(message)s"))
+    handler.setFormatter(JsonFormatter() if log_format == "json" else logging.Formatter("ohmward: %(message)s"))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
-    if log_format == JSON:
+    if log_format == "json":
         logging.captureWarnings(True)

@@ -107,7 +107,7 @@ def unit(setup: Path) -> str:
     for word in words:
         if any(unicodedata.category(character) == "Cc" for character in word):
             raise InputError(f"{word!r} holds a control character, which no unit of systemd can; rename it")
-    text = files("ohmward.cli.service").joinpath("ohmward.service").read_text(encoding="utf-8")
+    text = files("ohmward.cli").joinpath("ohmward.service").read_text(encoding="utf-8")
     return Template(text).substitute(command=" ".join(map(_quoted, words)), setup=str(setup).replace("%", "%%"))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.atomic import back_up
-from ohmward.cli.calibrate.command import PARAMETERS, parameter_facts, parameter_rows
+from ohmward.cli.calibrate import PARAMETERS, parameter_facts, parameter_rows
 from ohmward.cli.drive_inputs import drive_options, read_calibration_drive
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.wording import bullets, paragraphs, table
