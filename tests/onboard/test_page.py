@@ -14,7 +14,7 @@ import urllib.request
 import numpy as np
 import pytest
 
-from ohmward import generic_battery
+from ohmward import __version__, generic_battery
 from ohmward.energy.mission import EXAMPLE, PLAN_FILE
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
@@ -23,10 +23,10 @@ from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import MOST_READERS, make_app
-from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
+from ohmward.onboard.page.dashboard import POINTS, ROWS, SPANS, Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, advice, ellipse, largest, view
-from ohmward.onboard.robot_state import Level
+from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import RowMaker
@@ -254,6 +254,20 @@ def test_a_mission_that_cannot_be_is_refused(asked, query, error):
 
 def test_no_mission_is_judged_while_the_battery_is_silent(page):
     assert "the charge is not known" in json.loads(get(page + "/api/mission?distance_m=9")[2])["error"]
+
+
+def test_the_description_names_what_the_api_answers(page):
+    found = json.loads(get(page + "/openapi.json")[2])
+    assert found["info"]["version"] == __version__
+
+    def names(path):
+        return list(
+            found["paths"][path]["get"]["responses"]["200"]["content"]["application/json"]["schema"]["properties"]
+        )
+
+    assert names("/api/state") == list(RobotState._fields)
+    assert names("/api/history") == list(HISTORY)
+    assert found["paths"]["/api/history"]["get"]["parameters"][1]["schema"]["enum"] == list(SPANS)
 
 
 def test_nothing_takes_a_command(page):

@@ -23,8 +23,7 @@ from ohmward.json_values import plain
 from ohmward.onboard.page.connection import REQUEST_S
 from ohmward.onboard.page.dashboard import SPANS, Dashboard, Past, after
 from ohmward.onboard.page.metrics import metrics
-from ohmward.onboard.page.view import HISTORY
-from ohmward.onboard.robot_state import RobotState, plain_state
+from ohmward.onboard.robot_state import plain_state
 from ohmward.onboard.secrets import is_loopback
 from ohmward.optional import require
 from ohmward.report.figure import style_sheet
@@ -301,107 +300,7 @@ async def _first_bytes(request: Any) -> bytes:
     return body[:_BODY_BYTES]
 
 
-_NUMBERS = {"type": "array", "items": {"type": ["number", "null"]}}
-
-
-def openapi() -> dict[str, Any]:
+def openapi() -> Any:
     """Description of the API, OpenAPI 3.1."""
-    return {
-        "openapi": "3.1.0",
-        "info": {
-            "title": "ohmward on board",
-            "version": __version__,
-            "description": "State of a robot as its estimators have it. SI units, names with their units; null is not "
-            "known. It reads only: nothing here commands the robot.",
-        },
-        "paths": {
-            "/api/now": _get("State as the page shows it, with bands of 95 %.", _json(_now())),
-            "/api/state": _get(
-                "Newest state whole, as the sink `json-lines` writes it.",
-                _json({"type": "object", "properties": {name: {} for name in RobotState._fields}}),
-            ),
-            "/api/history": _history_path(),
-            "/api/path": _get("Path in the frame of the odometry.", _json(_columns("x_m", "y_m"))),
-            "/api/mission": _mission_path(),
-            "/metrics": _get("Metrics for Prometheus.", {"text/plain": {"schema": {"type": "string"}}}),
-            "/events": _get("States as server-sent events, like /api/now.", {"text/event-stream": {}}),
-        },
-        "components": {"securitySchemes": {"token": {"type": "http", "scheme": "bearer"}}},
-        "security": [{}, {"token": []}],
-    }
-
-
-def _get(summary: str, content: dict[str, Any], **more: Any) -> dict[str, Any]:
-    error = _json({"type": "object", "properties": {"error": {"type": "string"}}, "required": ["error"]})
-    responses = {
-        "200": {"description": "The data.", "content": content},
-        "401": {"description": "The token is missing or wrong.", "content": error},
-        "421": {"description": "Not by a name of this machine.", "content": error},
-    }
-    if "parameters" in more:
-        responses["400"] = {"description": "A parameter that cannot be.", "content": error}
-    if more.pop("conflicts", False):
-        responses["409"] = {"description": "Not with these parameters together, or not now.", "content": error}
-    if "text/event-stream" in content:
-        responses["503"] = {"description": "Too many readers.", "content": error}
-    return {"get": {"summary": summary, "responses": responses, **more}}
-
-
-def _history_path() -> dict[str, Any]:
-    known = {
-        "since": ("Rows after this time, seconds since 1970.", {"type": "number"}),
-        "last": (
-            "Rows of this time, thinned to some hundred: from memory, and before that from the store.",
-            {"type": "string", "enum": list(SPANS)},
-        ),
-    }
-    summary = "Rows in columns; by default those of the last hour and a half, one a second."
-    return _get(summary, _json(_columns(*HISTORY)), parameters=_parameters(known))
-
-
-def _mission_path() -> dict[str, Any]:
-    known = {
-        "distance_m": ("Length of the way, over ground like the recent one.", {"type": "number", "minimum": 0}),
-        "plan": ("Text of a plan file, instead of distance_m.", {"type": "string"}),
-        "task_J": ("Energy of tasks on the way: a tool, an arm.", {"type": "number", "minimum": 0}),
-        "reserve_soc": ("State of charge that must be left.", {"type": "number", "minimum": 0, "maximum": 0.99}),
-    }
-    quantity = {"type": ["number", "null"]}
-    names = ("distance_m", "time_s", "probability", "point_of_return_m")
-    answer = {
-        "type": "object",
-        "properties": {
-            **dict.fromkeys(names, quantity),
-            "energy_J": {"type": "object"},
-            "milestones": {"type": "array"},
-        },
-        "required": ["probability"],
-    }
-    summary = "Forecast of a mission that would begin now: probability of its end with the reserve left."
-    return _get(summary, _json(answer), parameters=_parameters(known), conflicts=True)
-
-
-def _parameters(known: Mapping[str, tuple[str, Any]]) -> list[dict[str, Any]]:
-    """Parameters of a query by name, from a sentence and a schema."""
-    return [
-        {"name": name, "in": "query", "required": False, "description": text, "schema": schema}
-        for name, (text, schema) in known.items()
-    ]
-
-
-def _columns(*names: str) -> dict[str, Any]:
-    return {"type": "object", "properties": dict.fromkeys(names, _NUMBERS), "required": list(names)}
-
-
-def _now() -> dict[str, Any]:
-    times = {f"{part}_time_s": {"type": ["number", "null"]} for part in ("battery", "drive")}
-    stale = {"type": "string", "description": "Sentence about estimates whose sensors are silent; they are null."}
-    advice = {"type": "string", "description": "Sentence on what the operator should do now; empty where nothing is."}
-    alarms = {"type": "array", "description": "Alarms that are raised, the most urgent first: name, text, since."}
-    totals = {"type": "array", "description": "Sums since ever: name, label, value, unit."}
-    known = {"name": {"type": "string"}, "stale": stale, "advice": advice, "alarms": alarms, "totals": totals, **times}
-    return {"type": "object", "properties": known, "required": ["name"]}
-
-
-def _json(schema: dict[str, Any]) -> dict[str, Any]:
-    return {"application/json": {"schema": schema}}
+    text = files("ohmward.onboard.page").joinpath("assets", "openapi.json").read_text(encoding="utf-8")
+    return json.loads(text.replace("$version", __version__))
