@@ -23,7 +23,7 @@ _CHUNK_S = 0.1
 
 #: Lag [s] of the simulation beyond which the clock of a robot driven by an operator is reset to now: a controller
 #: accepts no estimates that are .08 s old.
-_BEHIND_S = 0.03
+_TOO_SLOW_S = 0.03
 
 #: Largest lag [s] that a robot driving by itself catches up; beyond it its clock is reset to now.
 _MOST_LATE_S = 0.5
@@ -101,7 +101,7 @@ async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Seque
         drive.hold(torque_Nm(wheels))
         rows = await asyncio.to_thread(_advance, drive, interval_s)
         behind_s = time.monotonic() - began_s - drive.truth.time_s
-        began_s += behind_s if behind_s > _BEHIND_S else 0.0
+        began_s += behind_s if behind_s > _TOO_SLOW_S else 0.0
         await asyncio.sleep(max(-behind_s, 0.0))
         for at_s, values in rows:
             put(Message(began_s + at_s, began_s + at_s, settings.name, values))

@@ -34,7 +34,7 @@ from ohmward.traction.odometry.sample import OdometryFlag
 SENSOR_LOOK_S = 0.25
 
 #: Time since the last late message after which all come in time, and the delays that are suggested.
-LATE_FOR_S, DELAYS_S = 60.0, (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+ALL_IN_TIME_S, DELAYS_S = 60.0, (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 
 #: Least time between two checks for alarms.
 ALARM_LOOK_S = 0.2
@@ -313,7 +313,7 @@ class Process:
                 late, late_s = self.estimation.late, self.estimation.late_s
                 if late != self._left_out:
                     self._left_out, self._late_s = late, self.now_s()
-                self.report(_lateness(self.now_s() - self._late_s < LATE_FOR_S, late, late_s))
+                self.report(_lateness(self.now_s() - self._late_s < ALL_IN_TIME_S, late, late_s))
             if charge := self.estimation.state.battery:
                 lost = self.estimation.cell_loss.lost if self.estimation.cell_loss else 0
                 for diagnostic in _of_battery(charge, self.now_s() - self.estimation.exchanged_s, lost):

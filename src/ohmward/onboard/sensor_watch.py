@@ -65,7 +65,7 @@ MISSED_S = 30.0
 
 #: Values are late if they are older than this when they arrive, or if their stamps are always further behind our clock
 #: than two clocks set by the network differ; those of other publishers count for so long [s].
-LATE_S, BEHIND_S, LATE_FOR_S = 0.5, 1.0, 10.0
+LATE_S, BEHIND_S, COUNTED_FOR_S = 0.5, 1.0, 10.0
 
 #: Most signals watched: enough for a pack of hundreds of cells; a source that invents names must not fill the memory.
 MOST_SENSORS = 1000
@@ -496,7 +496,7 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
 def _delay_of(source: str, last: Mapping[str, tuple[float, float]]) -> Diagnostic:
     """Condition of the largest delay of a source's publishers, of those that are heard at present."""
     newest_s = max((received_s for received_s, _ in last.values()), default=math.nan)
-    delays = {name: delay_s for name, (at_s, delay_s) in last.items() if newest_s - at_s <= LATE_FOR_S}
+    delays = {name: delay_s for name, (at_s, delay_s) in last.items() if newest_s - at_s <= COUNTED_FOR_S}
     latest = max(delays, key=delays.__getitem__, default="")
     level, message = Level.OK, "in time"
     if (delay_s := delays.get(latest, 0.0)) > LATE_S:
