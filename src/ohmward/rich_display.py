@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-#: Modules that draw every kind of result. They are in a package above and are loaded by name, as a command is.
-CARDS, PLOTS = "ohmward.figures.card", "ohmward.figures.plot"
+#: Module that draws every kind of result. It is in a package above and is loaded by name, as a command is.
+PLOTS = "ohmward.figures.plot"
 
 
 class RichDisplay:
@@ -20,5 +20,5 @@ class RichDisplay:
         return import_module(PLOTS).plot(self, *others, truth=truth)
 
     def _repr_html_(self) -> str:
-        card: str = import_module(CARDS).card(self)
+        card: str = import_module(PLOTS).card(self)
         return card

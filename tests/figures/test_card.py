@@ -11,7 +11,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.comparison import compare
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
-from ohmward.figures.card import card
+from ohmward.figures.plot import card
 from ohmward.logs import DriveLog, Log
 from ohmward.logs.table import Note
 from ohmward.report import TIME, Figure, Line, Map, Series
