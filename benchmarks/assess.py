@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from figure import HERE, table
 from ohmward_lab.assess.study import STUDIES, assess
-from ohmward_lab.cli.assess.command import HEATS, Assessed, cost, grid, recommended, rule, worse
+from ohmward_lab.cli.assess import HEATS, Assessed, cost, grid, recommended, rule, worse
 
 DONE = HERE.parent / "build" / "assess"
 PAGES = {"battery": HERE / "limits.md", "traction": HERE / "limits_traction.md"}

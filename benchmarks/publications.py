@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 
 from figure import DATA, HERE, table
-from ohmward_lab.cli.reproduce.command import HEADER, cells
+from ohmward_lab.cli.reproduce import HEADER, cells
 from ohmward_lab.reproduce.measured import nmc_item
 from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, label, select
 from ohmward_lab.reproduce.thesis_observer import AUKF, AUKF_T, DRIVES, STARTS, UKF, drives_of, errors_of, pictures

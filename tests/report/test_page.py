@@ -14,7 +14,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series, Span
 from ohmward.report.page import embed
-from ohmward_lab.cli.demo.command import with_chapter
+from ohmward_lab.cli.demo import with_chapter
 
 EVIL = "</script><script>alert('x')</script><b>&amp; \u2028 \"quoted\" $title ${body}"
 VOID = {"meta", "link", "br", "img", "hr", "input"}

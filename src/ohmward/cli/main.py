@@ -16,16 +16,16 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
+from types import ModuleType
 
 from ohmward import __version__
-from ohmward.cli import arguments
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.cli.wording import Detail, styled, width
 from ohmward.errors import InputError, OhmwardError
 
 #: Commands grouped by purpose, in the order of the help. `cli.arguments.NAME` adds the arguments of each; `cli.NAME`,
-#: loaded once they have been parsed, has `run`. In the laboratory each is a package with `add_arguments` and `command`.
+#: loaded once they have been parsed, has `run`. Both are in `ohmward_lab` for those of the laboratory.
 GROUPS = {
     "a log or a file, whatever it is": {
         "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
@@ -174,7 +174,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     first = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
     name = top.parse_args(words[: first + 1]).command
     _require_known("command", name, COMMANDS, "ohmward")
-    add_arguments = _arguments_of(name)
+    add_arguments = getattr(_module("arguments", name), name)
     parser = Parser(
         prog=f"ohmward {name}",
         description=f"{COMMANDS[name][:1].upper()}{COMMANDS[name][1:]}.",
@@ -219,13 +219,10 @@ def _groups() -> str:
     return "\n".join(lines)
 
 
-def _arguments_of(name: str) -> Callable[[argparse.ArgumentParser], None]:
-    """Function that adds the arguments of a command to its parser, with examples in its docstring."""
-    where, word = arguments, name
-    if name in OF_THE_LABORATORY:
-        where, word = import_module(f"ohmward_lab.cli.{name}"), "add_arguments"
-    add: Callable[[argparse.ArgumentParser], None] = getattr(where, word)
-    return add
+def _module(of: str, command: str) -> ModuleType:
+    """The module `cli.OF` of the package of a command."""
+    package = "ohmward_lab" if command in OF_THE_LABORATORY else "ohmward"
+    return import_module(f"{package}.cli.{of}")
 
 
 def _examples(add_arguments: Callable[[argparse.ArgumentParser], None]) -> str:
@@ -237,6 +234,5 @@ def _examples(add_arguments: Callable[[argparse.ArgumentParser], None]) -> str:
 
 def run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
     """`run` of a command, imported by this call."""
-    place = f"ohmward_lab.cli.{name}.command" if name in OF_THE_LABORATORY else f"ohmward.cli.{name}"
-    run: Callable[[argparse.Namespace], Outcome] = import_module(place).run
+    run: Callable[[argparse.Namespace], Outcome] = _module(name, name).run
     return run

@@ -6,8 +6,8 @@ import pytest
 from cli.examples import drive, pulse_test
 from ohmward.cli.main import main
 from ohmward.logs import Log
-from ohmward_lab.cli.demo import command as demo
-from ohmward_lab.cli.demo.command import CHAPTERS
+from ohmward_lab.cli import demo
+from ohmward_lab.cli.demo import CHAPTERS
 from ohmward_lab.simulate import RobotDay
 from ohmward_lab.simulate.closed_loop import Scenario
 from ohmward_lab.simulate.robot_drive import robot_drive
@@ -30,8 +30,8 @@ def small(monkeypatch, tmp_path):
         (command, *_) = (drive := robot_drive(*args, **how)).commands
         return replace(drive, plant="own", duration_s=1.0, commands=(command,))
 
-    monkeypatch.setattr("ohmward_lab.cli.demo.command.make_robot_day", make_robot_day)
-    monkeypatch.setattr("ohmward_lab.cli.demo.command.robot_drive", short_drive)
+    monkeypatch.setattr("ohmward_lab.cli.demo.make_robot_day", make_robot_day)
+    monkeypatch.setattr("ohmward_lab.cli.demo.robot_drive", short_drive)
     monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)

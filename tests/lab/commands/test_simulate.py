@@ -10,7 +10,7 @@ from cli.examples import SLIP
 from ohmward.cli.main import main
 from ohmward.logs import read_drive, read_log
 from ohmward.traction import RLMA
-from ohmward_lab.cli.simulate.command import ENERGY
+from ohmward_lab.cli.simulate import ENERGY
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, parse_scenario
 

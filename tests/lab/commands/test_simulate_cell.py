@@ -10,8 +10,8 @@ import pytest
 from markdown_pages import ROOT
 from ohmward.cli.main import main
 from ohmward.logs import Log, read_log
-from ohmward_lab.cli import simulate as arguments
-from ohmward_lab.cli.simulate import cell as command
+from ohmward_lab.cli import arguments
+from ohmward_lab.cli import simulate_cell as command
 from ohmward_lab.simulate.electrochemical import MODELS, RECORDS
 
 CELL = ("simulate", "--cell", "Prada2013")

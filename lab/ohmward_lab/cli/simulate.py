@@ -21,7 +21,8 @@ from ohmward.quantities import SECONDS_PER_HOUR
 from ohmward.report import TIME, Band, Figure, Page, Series
 from ohmward.runs import duration
 from ohmward.traction.score import score_figures
-from ohmward_lab.cli.simulate import OF_CELLS, cell
+from ohmward_lab.cli import simulate_cell as cell
+from ohmward_lab.cli.arguments import OF_CELLS
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import ClosedLoopRun
 from ohmward_lab.simulate.closed_loop.run import figures, true_slip
