@@ -109,8 +109,8 @@ def _tables(database: sqlite3.Connection) -> Iterator[tuple[str, tuple[str, ...]
     names = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view')")]
     for name in names:
         with suppress(sqlite3.OperationalError):
-            columns = tuple(row[1] for row in database.execute(f"PRAGMA table_info({_quoted(name)})"))
-            (rows,) = database.execute(f"SELECT count(*) FROM {_quoted(name)}").fetchone()
+            columns = tuple(row[1] for row in database.execute(f"PRAGMA table_info({quoted(name)})"))
+            (rows,) = database.execute(f"SELECT count(*) FROM {quoted(name)}").fetchone()
             yield name, columns, rows
 
 
@@ -136,20 +136,20 @@ def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], h
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = [name for name in tables[table] if name in names] or list(tables[table])
         with _database(path) as database:
-            query = f"SELECT {', '.join(map(_quoted, chosen))} FROM {_quoted(table)}"
+            query = f"SELECT {', '.join(map(quoted, chosen))} FROM {quoted(table)}"
             columns = list(zip(*database.execute(query), strict=True)) or [()] * len(chosen)
         arrays = {name: plain_array(list(values)) for name, values in zip(chosen, columns, strict=True)}
         note = Note(f"table {table!r} of {listed(list(tables))}")
         return Table(path.name, arrays, row_numbers(1, len(columns[0])), "row", (note,))
 
     with _database(path) as database:
-        rows = database.execute(f"SELECT * FROM {_quoted(table)} LIMIT 100").fetchall()
+        rows = database.execute(f"SELECT * FROM {quoted(table)} LIMIT 100").fetchall()
     first = dict(zip(tables[table], zip(*rows, strict=True), strict=False))
     head = {name: tuple(map(str, cells)) for name, cells in first.items() if any(isinstance(c, str) for c in cells)}
     here = as_wide(TableFile(path.name, tables[table], load, head=head, hints=hints))
     return here._replace(choose=part)
 
 
-def _quoted(name: str) -> str:
-    """A name as SQL writes it."""
+def quoted(name: str) -> str:
+    """A name as SQL writes it, whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'

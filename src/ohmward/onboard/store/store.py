@@ -24,17 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.sqlite_file import quoted
 from ohmward.logs.write import write_table
 from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import TOTALS_GAP_S, Totals
 from ohmward.onboard.store.rows import KINDS, ConditionRow, Row
 from ohmward.optional import require
 from ohmward.quantities import DAY_S, SECONDS_PER_HOUR
-
-
-def quoted(name: str) -> str:
-    """A name quoted for SQL, whatever characters it has."""
-    return '"' + name.replace('"', '""') + '"'
 
 
 def read_archive(path: Path, names: Sequence[str] | None) -> dict[str, np.ndarray]:
