@@ -27,7 +27,7 @@ from ohmward.traction.odometry.model import (
     TURN_SCALE,
     OdometryNoise,
 )
-from ohmward.traction.odometry.pose_filter import ANY_STD, PoseFilter, pose_filter, with_wider_prior
+from ohmward.traction.odometry.pose_filter import ANY_STD, CONSTANT_ERRORS, PoseFilter, pose_filter, with_wider_prior
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.packaged import generic_robot
 from traction.odometry.examples import DT_S, INDOOR, TRACK_M, integrate, samples, scan, stop_and_go
@@ -296,12 +296,13 @@ def test_the_position_is_that_of_the_middle_of_the_driven_axle():
     assert (pose.x_m, pose.y_m) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
-@pytest.mark.parametrize("errors", [(CURVATURE,), (TURN_SCALE, GYRO_SCALE)], ids=["unlike wheels", "track"])
-def test_a_wider_prior_is_as_if_from_the_start(errors):
+@pytest.mark.parametrize("e", CONSTANT_ERRORS, ids=["unlike wheels", "track"])
+def test_a_wider_prior_is_as_if_from_the_start(e):
     """Of a constant error, whatever has been measured of it together with the others and the pose."""
     rng, std, n = np.random.default_rng(7), 0.002, len(NAMES)
+    errors = np.flatnonzero(e)
     parts = np.eye(n)
-    parts[errors[0], list(errors[1:])] = -1.0  # the first of them is their sum less the others
+    parts[errors[0], errors[1:]] = -1.0  # the first of them is their sum less the others
 
     def measured(std):
         variances = np.ones(n)
@@ -310,8 +311,8 @@ def test_a_wider_prior_is_as_if_from_the_start(errors):
         return kalman.correct(prior, np.array([5.0, 6.0, 4.0]), H, 0.01 * np.eye(3)).belief
 
     H = 0.1 * rng.standard_normal((3, n))
-    H[:, list(errors)] = 500.0
-    found, wider = with_wider_prior(measured(std), errors, std)
+    H[:, errors] = 500.0
+    found, wider = with_wider_prior(measured(std), e, std)
     expected = measured(2.0 * std)
     assert wider == 2.0 * std
     assert_allclose(found.mean, expected.mean, atol=1e-9)
@@ -320,7 +321,7 @@ def test_a_wider_prior_is_as_if_from_the_start(errors):
 
 def test_a_prior_is_no_wider_once_its_error_has_been_opened():
     opened = Belief(np.full(len(NAMES), 0.5), np.diag(np.full(len(NAMES), 0.1)))
-    found, std = with_wider_prior(opened, (TURN_SCALE,), 0.03)
+    found, std = with_wider_prior(opened, CONSTANT_ERRORS[1], 0.03)
     assert std == ANY_STD and np.array_equal(found.mean, opened.mean) and np.array_equal(found.cov, opened.cov)
 
 

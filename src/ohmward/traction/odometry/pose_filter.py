@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from enum import IntFlag
 from functools import cached_property, reduce
-from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,6 +114,9 @@ from ohmward.traction.robot.robot import Robot
 #: Standard deviations of a constant error from which these are doubled: it is larger than usual.
 LARGER_SIGMAS = 2.0
 
+#: Weights (constants, n) of sums of constant errors whose prior is widened then: of unlike wheels, and of the track.
+CONSTANT_ERRORS = np.array([vector({CURVATURE: 1.0}), vector({TURN_SCALE: 1.0, GYRO_SCALE: 1.0})])
+
 #: Factor on the variance of a prior beyond which the error has been opened since, and the standard deviation then.
 OPENED, ANY_STD = 1.01, 1e6
 
@@ -150,8 +152,7 @@ class PoseState(NamedTuple):
     trail: Trail  #: the last steps, for pose increments
     agreed: Agreed  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk  #: of the gyro
-    curvature_std_1_m: Any  #: of the curvature by unlike wheels, as far as they have shown it
-    track_std: Any  #: of the effective track, likewise
+    constant_stds: np.ndarray  #: (constants,) of the sums of `CONSTANT_ERRORS`, as large as they have proved
     heading: HeadingTimes = HeadingTimes()  #: times of headings
     overrun: Overrun = Overrun()  #: distance beyond that of the outside speeds
     unconfirmed: Unconfirmed = Unconfirmed()  #: change of the rims' speed that these have not confirmed
@@ -224,8 +225,7 @@ class PoseFilter:
             trail=empty_trail(self.late_steps),
             agreed=Agreed(0.0, belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]),
             offset_walk=OffsetWalk(offset_variance=belief.cov[OFFSET, OFFSET]),
-            curvature_std_1_m=std_of(belief.cov[CURVATURE, CURVATURE]),
-            track_std=self.noise.turn_scale_std,
+            constant_stds=np.array([std_of(e @ belief.cov @ e) for e in CONSTANT_ERRORS]),
         )
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
@@ -323,17 +323,17 @@ class PoseFilter:
         u, watches = motion.input, state.watches
         walk_std = self.noise.gyro_offset_walk
         offset_walk, belief = learn_offset_walk(state.offset_walk, body.belief, u.dt_s, walk_std)
-        belief, curvature_std_1_m = with_wider_prior(belief, (CURVATURE,), state.curvature_std_1_m)
-        of_track = TURN_SCALE, GYRO_SCALE
-        belief, track_std = with_wider_prior(belief, of_track, state.track_std, -self.noise.scrub)
+        constant_stds = []
+        for e, std in zip(CONSTANT_ERRORS, state.constant_stds, strict=True):
+            belief, wider = with_wider_prior(belief, e, std, -self.noise.scrub * e[TURN_SCALE])
+            constant_stds.append(wider)
         held_back_m = state.held_back_m + held_back(belief, motion, u.dt_s)
         return state._replace(
             belief=pack(belief),
             sums=body.sums,
             heading=body.heading,
             offset_walk=offset_walk,
-            curvature_std_1_m=curvature_std_1_m,
-            track_std=track_std,
+            constant_stds=np.array(constant_stds),
             changed_yaw_rad=where(watches.gyro.rate.count > 0.0, state.changed_yaw_rad, belief.mean[YAW]),
             distance_m=state.distance_m + travelled(belief, u),
             held_back_m=where(watches.speed.doubted, held_back_m, 0.0),
@@ -547,7 +547,7 @@ def missed_variance(missed_rad: Scalar, way_m: Scalar) -> np.ndarray:
     return np.array([across_m**2, across_m**2, missed_rad**2])
 
 
-def with_wider_prior(belief: Belief, errors: tuple[int, ...], std: Scalar, mean: float = 0.0) -> tuple[Belief, Scalar]:
+def with_wider_prior(belief: Belief, e: np.ndarray, std: Scalar, mean: float = 0.0) -> tuple[Belief, Scalar]:
     """The belief, and the standard deviation s of a sum e'x of constant errors, doubled once it proves larger.
 
     The wider prior N(m, 4 s^2) takes the place of N(m, s^2) from the start, unless the error has been opened since:
@@ -557,8 +557,8 @@ def with_wider_prior(belief: Belief, errors: tuple[int, ...], std: Scalar, mean:
     So the gyro's offset and the pose change by what they owe to an error that was taken for too small.
     """
     x, P = belief
-    off, along = reduce(add, [x[i] for i in errors]) - mean, reduce(add, [P[:, i] for i in errors])
-    own, variance = reduce(add, [along[i] for i in errors]), std * std
+    off, along = e @ x - mean, P @ e
+    own, variance = e @ along, std * std
     opened_since = own > OPENED * variance
     larger = (abs(off) > LARGER_SIGMAS * std) & logical_not(opened_since)
     gain = along * where(larger, 1.0 / maximum(4.0 / 3.0 * variance - own, variance / 3.0), 0.0)
