@@ -447,7 +447,7 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
         if apart and not robot.chassis.scrubs:
             yield (
                 f"the wheels say {ratio:.3g} times the speed that was measured from outside, nearly always: the "
-                "radius of the robot file or the scale of that speed is wrong, and the bands allow for neither; "
+                "radius of the robot file or the scale of that speed is wrong, and the wheels are believed; "
                 "`ohmward calibrate` finds the radius where that speed is right, else leave it out"
             )
         return

@@ -296,7 +296,7 @@ def test_the_position_is_that_of_the_middle_of_the_driven_axle():
     assert (pose.x_m, pose.y_m) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
-@pytest.mark.parametrize("e", CONSTANT_ERRORS, ids=["unlike wheels", "track"])
+@pytest.mark.parametrize("e", CONSTANT_ERRORS, ids=["unlike wheels", "track", "outside speeds"])
 def test_a_wider_prior_is_as_if_from_the_start(e):
     """Of a constant error, whatever has been measured of it together with the others and the pose."""
     rng, std, n = np.random.default_rng(7), 0.002, len(NAMES)

@@ -307,6 +307,20 @@ def turning(heading, steps, std=0.05, settings=FILTER, **more):
     return samples(settings, **(given | more))
 
 
+@pytest.mark.parametrize(("scale", "radius"), [(0.8, 1.0), (0.9, 1.0), (1.1, 1.0), (1.0, 1.0), (1.0, 1.1)])
+def test_outside_speeds_of_another_scale_move_no_robot_and_the_band_holds_another_radius_too(scale, radius):
+    rng, time_s = np.random.default_rng(5), DT_S * np.arange(7500)
+    speed = 0.5 * np.clip(np.sin(0.3 * time_s) + 0.5, 0.0, 1.0)
+    outside = np.where(np.arange(7500) % 5 == 0, scale * speed + 0.03 * rng.standard_normal(7500), math.nan)
+    wheels = np.outer(speed / radius / RLMA.wheel.radius_m, np.ones(2))
+    given = samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=np.zeros(7500), speed_m_s=outside)
+    e = run(replace(FILTER, noise=replace(FILTER.noise, gyro_offset_std_rad_s=0.0, gyro_offset_walk=0.0)), given)
+    way_m, std_m = np.sum(speed) * DT_S, math.sqrt(e.pose_cov[-1, 0, 0])
+    assert abs(e.x_m[-1] * radius / way_m - 1.0) < 0.02
+    assert abs(e.x_m[-1] - way_m) < 3.0 * std_m
+    assert std_m / way_m < (0.01 if scale == radius else 0.12)
+
+
 def test_the_first_heading_is_the_zero_and_the_next_ones_correct_the_joint_gaussian_of_yaw_and_zero():
     """Two headings of a wheels-only robot against the conditional mean and covariance of (yaw, zero)."""
     noise, steps, std, first, second = replace(EXACT, turn_share=0.3, turn_scale_std=0.1), 401, 0.04, 3.0, -2.6

@@ -37,6 +37,7 @@ from ohmward.traction.odometry.model import (
     SIDE_SLIP,
     SLIP,
     SPEED_ERROR,
+    SPEED_SCALE,
     TURN_SCALE,
     TURN_SLIP,
     YAW,
@@ -382,7 +383,9 @@ def use_forward_speed(
     u: MotionInput,
     gate: float,
 ) -> tuple[Belief, Scalar]:
-    """The belief after an outside speed y = v + sigma z + noise, and the condition that it excludes a rolling robot.
+    """The belief after an outside speed, and the condition that it excludes a rolling robot.
+
+        y = v (1 + c_s) + sigma z + noise
 
     A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, its slip may
     be anything, and it has not covered the distance by which its pose is ahead of the outside speeds:
@@ -394,7 +397,7 @@ def use_forward_speed(
     """
 
     def forward(x: np.ndarray) -> np.ndarray:
-        return twist(x, u)[:1] + lasting_m_s * x[SPEED_ERROR]
+        return twist(x, u)[:1] * (1.0 + x[SPEED_SCALE] - u.speed_scale) + lasting_m_s * x[SPEED_ERROR]
 
     measured = isfinite(y)
     rolling, accepted = correct_scalar(belief, y, forward, variance, gate)

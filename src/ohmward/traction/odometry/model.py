@@ -13,8 +13,8 @@ learn that. So k_w contains the errors of the track and of the gyro's scale, and
 Wheels that scrub turn the robot less by all that they show, so k_w multiplies the curvature q from unequal ones too.
 
 A compass measures yaw + h, where h, its heading at yaw 0, is constant. Pose increments show 1 + s of the way.
-An outside speed has an error that lasts, sigma z as those of the wheels, so that two sources that disagree for long
-share the correction.
+An outside speed shows 1 + c_s of the speed, and has an error that lasts, sigma z as those of the wheels, so that two
+sources that disagree for long share the correction.
 
 v_r, l_r, w_r is the motion of the wheels' rims, or of a speed observer; w_g is the gyro's yaw rate. The scales k, k_g,
 k_w, the curvature q from unequal wheels and the offset b are persistent. Slip is correlated over seconds: z is a
@@ -90,6 +90,8 @@ class OdometryNoise:
     #: relative error of an outside speed that lasts, beside one as large as its noise, and its time constant [s], > 0
     speed_share: float = 0.03
     speed_correlation_s: float = 30.0
+    #: of the scale of outside speeds; one that proves larger, as a camera's by its baseline, is taken for that
+    speed_scale_std: float = 0.02
     heading_std_rad: float = 0.05  #: of a heading without one; a compass away from iron has 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, per root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
@@ -184,6 +186,7 @@ NAMES = (
     "gyro_delay_s",
     "wheels_ahead_s",
     "increment_scale",
+    "speed_scale",
     "turned_apart_rad",
     "slip",
     "side_slip",
@@ -191,8 +194,8 @@ NAMES = (
     "speed_error",
 )
 X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO = range(9)
-DELAY, AHEAD, INCREMENT_SCALE, APART = range(9, 13)
-SLIP, SIDE_SLIP, TURN_SLIP, SPEED_ERROR = range(13, len(NAMES))
+DELAY, AHEAD, INCREMENT_SCALE, SPEED_SCALE, APART = range(9, 14)
+SLIP, SIDE_SLIP, TURN_SLIP, SPEED_ERROR = range(14, len(NAMES))
 #: Gauss-Markov states of unit variance.
 CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP, SPEED_ERROR)
 
@@ -227,8 +230,9 @@ class MotionInput(NamedTuple):
     unobserved_s: np.ndarray  #: (3,) time since each motion was last observed
     usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
     straight_std_rad_s: Any = 0.0  #: of that of a robot that drives straight on, by quantisation and unequal wheels
-    #: estimates of k_w and of the forward slip before the step
+    #: estimates of k_w, of c_s and of the forward slip before the step
     turn_scale: Any = 0.0
+    speed_scale: Any = 0.0
     slip_sigmas: Any = 0.0
     offset_walk: Any = 0.0  #: variance of the gyro's offset over time [rad2/s3]
     wheels_variance: Any = 0.0  #: of the wheels' turn over time, by noise of their speeds [rad2/s]
@@ -252,6 +256,7 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         DELAY: noise.gyro_delay_std_s,
         AHEAD: noise.wheels_ahead_std_s,
         INCREMENT_SCALE: noise.increment_scale_std,
+        SPEED_SCALE: noise.speed_scale_std,
         APART: count_rad,
         SLIP: 1.0,
         SIDE_SLIP: 1.0,

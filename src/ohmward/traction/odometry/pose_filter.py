@@ -15,11 +15,11 @@ from ohmward.filters import extended
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, widen
-from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
+from ohmward.trace import clip, cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, Held
 from ohmward.traction.motion.sample import (
@@ -90,6 +90,7 @@ from ohmward.traction.odometry.model import (
     RADIUS,
     SLIP,
     SPEED_ERROR,
+    SPEED_SCALE,
     TURN_SCALE,
     UNOBSERVED,
     YAW,
@@ -114,8 +115,14 @@ from ohmward.traction.robot.robot import Robot
 #: Standard deviations of a constant error from which these are doubled: it is larger than usual.
 LARGER_SIGMAS = 2.0
 
-#: Weights (constants, n) of sums of constant errors whose prior is widened then: of unlike wheels, and of the track.
-CONSTANT_ERRORS = np.array([vector({CURVATURE: 1.0}), vector({TURN_SCALE: 1.0, GYRO_SCALE: 1.0})])
+#: Weights (constants, n) of sums of constant errors whose prior is widened then: of unlike wheels, of the track,
+#: and of outside speeds.
+CONSTANT_ERRORS = np.array(
+    [vector(weights) for weights in ({CURVATURE: 1.0}, {TURN_SCALE: 1.0, GYRO_SCALE: 1.0}, {SPEED_SCALE: 1.0})]
+)
+
+#: Limits of the scale by which outside speeds are corrected.
+SPEED_SCALES = -0.5, 1.0
 
 #: Factor on the variance of a prior beyond which the error has been opened since, and the standard deviation then.
 OPENED, ANY_STD = 1.01, 1e6
@@ -278,6 +285,8 @@ class PoseFilter:
         state: before the sample.  watches: after it.  observed: of a speed observer.
         """
         before = unpack(state.belief)
+        speed_scale = clip(before.mean[SPEED_SCALE], *SPEED_SCALES)
+        clean = clean._replace(speed_m_s=clean.speed_m_s / (1.0 + speed_scale))
         clean, silent = with_silent_wheels(clean, state.motion, before.mean, self.robot)
         clean, outside = in_place_of_wheels(clean, state.motion, self.robot, self.noise)
         sensors, jump = sense(state.motion, clean, silent, observed, outside, self.robot)
@@ -289,6 +298,7 @@ class PoseFilter:
             comparable=motion.input.comparable & watches.gyro.comparable & logical_not(silent),
             offset_walk=state.offset_walk.variance(self.noise.gyro_offset_walk),
             wheels_variance=state.sums.differences.noise_variance,
+            speed_scale=speed_scale,
         )
         return clean, motion._replace(input=u), gyro
 
@@ -384,7 +394,7 @@ class PoseFilter:
     def conclude(self, motion: MeasuredMotion, after: PoseState, missed: np.ndarray) -> OdometryEstimate:
         """The estimate still without flags; missed: `missed_variance` of a turn that is not known."""
         overrun, unconfirmed = after.overrun, after.unconfirmed
-        x, P = unpack(after.belief)
+        x, P = with_open_radius(unpack(after.belief))
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
         apart = np.array([*after.nonlinear_m, np.zeros(2)])
@@ -564,6 +574,18 @@ def with_wider_prior(belief: Belief, e: np.ndarray, std: Scalar, mean: float = 0
     gain = along * where(larger, 1.0 / maximum(4.0 / 3.0 * variance - own, variance / 3.0), 0.0)
     after = Belief(x + gain * off, mirror_lower(P + np.outer(gain, along)))
     return after, where(opened_since, ANY_STD, where(larger, 2.0 * std, std))
+
+
+def with_open_radius(belief: Belief) -> Belief:
+    """The belief with a standard deviation of the radius of at least half the scale of the outside speeds.
+
+    Which of the two is wrong is unknown. The wheels are believed, as cameras more often have another scale than wheels
+    another radius, and P + q P_k P_k' / P_kk^2 opens the radius error k to P_kk + q, as if from the start.
+    """
+    x, P = belief
+    along = P[:, RADIUS] / maximum(P[RADIUS, RADIUS], TINY)
+    opened = maximum((x[SPEED_SCALE] / 2.0) ** 2 - P[RADIUS, RADIUS], 0.0)
+    return Belief(x, P + opened * np.outer(along, along))
 
 
 def with_unknown_turn(belief: Belief, watch: GyroWatch, yaw_rad: Scalar) -> Belief:
