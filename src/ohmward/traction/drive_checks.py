@@ -121,8 +121,8 @@ def mended(robot: Robot, log: DriveLog) -> DriveLog:
         InputError: other wheels than the robot's.
     """
     require_wheels(robot, log)
-    log = without_dead_currents(robot, with_wheel_signs(robot, without_stuck_gyro(robot, log)))
-    return with_signed_speed(robot, without_stuck_speed(robot, with_current_signs(robot, log)))
+    log = without_dead_currents(robot, with_wheel_signs(robot, without_stuck(robot, log)))
+    return with_signed_speed(robot, with_current_signs(robot, log))
 
 
 def without_dead_currents(robot: Robot, log: DriveLog) -> DriveLog:
@@ -176,22 +176,27 @@ def _accelerates(log: DriveLog, k: int) -> float:
         return float(np.corrcoef(mean_A, np.diff(speed[starts]) / np.diff(time_s[starts]))[0, 1])
 
 
-def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without the yaw rates that a stuck gyro repeats, from the first one on.
+def without_stuck(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without what a stuck gyro and a stuck speed from outside show, from the first doubtful value on.
 
     A gyro that never shows another number is stuck even if it is 0, and wheels that slip are not the cause.
     """
-    rows, repeated = _repeated_rates(log, False, STOPPED.contradicts_s, STOPPED.values)
-    if not repeated:
+    rate_rows, repeated = _repeated_rates(log, False, STOPPED.contradicts_s, STOPPED.values)
+    if not repeated and log.speed_m_s is None:
         return log
-    watch = watch_log(robot, log)
-    suspected, is_stuck = watch.gyro_suspected[rows], watch.gyro_stuck[rows]
-    dead = np.zeros(len(log), dtype=bool)
+    watch, (gyro, speed) = watch_log(robot, log), np.zeros((2, len(log)), dtype=bool)
     for first, stop in repeated:
-        never_moves = stop - first >= rows.size - 1
-        if (suspected if never_moves else is_stuck)[first:stop].any():
-            dead[rows[first - 1 : stop]] = True
-    return _left_out(log, "yaw_rate_rad_s", dead, "the gyro is ", "the robot")
+        never_moves = stop - first >= rate_rows.size - 1
+        faulty = watch.gyro_suspected if never_moves else watch.gyro_stuck
+        gyro[rate_rows[first - 1 : stop]] |= faulty[rate_rows[first:stop]].any()
+    log = _left_out(log, "yaw_rate_rad_s", gyro, "the gyro is ", "the robot")
+    if log.speed_m_s is None:
+        return log
+    rows = np.flatnonzero(np.isfinite(log.speed_m_s))
+    same = repeats(log.speed_m_s[rows])
+    for first, stop in runs(watch.speed_doubted[rows]):
+        speed[rows[first - int(same[first]) : stop]] |= watch.speed_stuck[rows[first:stop]].any()
+    return _left_out(log, "speed_m_s", speed, "the speed from outside is ", "the wheels' speed")
 
 
 def _repeated_rates(
@@ -204,20 +209,6 @@ def _repeated_rates(
     rate = log.yaw_rate_rad_s[rows]
     same = repeats(rate) & ((np.abs(rate) >= LEAST_RANGE_RAD_S) == clips)
     return rows, long_runs(same, log.time_s[rows], least_s, fewest)
-
-
-def without_stuck_speed(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without a speed from outside that is stuck, from its first doubtful value on."""
-    if log.speed_m_s is None:
-        return log
-    rows, dead = np.flatnonzero(np.isfinite(log.speed_m_s)), np.zeros(len(log), dtype=bool)
-    watch = watch_log(robot, log)
-    doubted, is_stuck = watch.speed_doubted[rows], watch.speed_stuck[rows]
-    same = repeats(log.speed_m_s[rows])
-    for first, stop in runs(doubted):
-        if is_stuck[first:stop].any():
-            dead[rows[first - int(same[first]) : stop]] = True
-    return _left_out(log, "speed_m_s", dead, "the speed from outside is ", "the wheels' speed")
 
 
 def _left_out(log: DriveLog, name: str, dead: np.ndarray, what: str, mover: str) -> DriveLog:

@@ -220,7 +220,7 @@ def watch_log(robot: Robot, log: DriveLog) -> StuckLog:
     def step(before: tuple[GyroWatch, SpeedWatch], sample: RobotSample) -> tuple[tuple[GyroWatch, SpeedWatch], Any]:
         clean = sanitize(sample, LONGEST_STEP_S)
         since_s = before[0].wheel_age_s + clean.dt_s
-        gyro = watch_gyro(before[0], clean, robot)
+        clean, gyro = without_stuck_gyro(clean, before[0], robot)
         speed = watch_speed(before[1], clean, since_s, robot)
         return (gyro, speed), where(np.array([gyro.suspected, gyro.stuck, speed.doubted, speed.stuck]), 1.0, 0.0)
 
