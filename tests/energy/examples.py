@@ -40,6 +40,7 @@ def certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=0.0, climb=1.0, regenerat
         cov=np.zeros((8, 8)),
         scatter=nothing,
         day=nothing,
+        idle_noise=nothing,
     )
 
 

@@ -14,7 +14,7 @@ from ohmward.energy.consumption import (
     energy_demand,
     jacobian,
     learn,
-    scatter_weight,
+    scatter_J2,
     standing_work_J,
     start,
     with_terrain,
@@ -28,7 +28,8 @@ ICE = stretch_of(Leg(1.0, "ice", 1.0))
 
 
 def known_variances(c: Consumption, scatter_m: float, day_std: float) -> Consumption:
-    return begin_drive(replace(c, scatter=Variance(SURE, SURE * scatter_m), day=Variance(SURE, SURE * day_std**2)))
+    known = {"scatter": scatter_m, "day": day_std**2, "idle_noise": c.idle_noise.value}
+    return begin_drive(replace(c, **{name: Variance(SURE, SURE * value) for name, value in known.items()}))
 
 
 def some_stretches(seed, count):
@@ -47,7 +48,7 @@ def test_one_drive_against_the_joint_gaussian():
     first, rows, noise, y = c, [], [], []
     for s, error_J in zip(stretches, errors_J, strict=True):
         rows.append(design_row(c, s))
-        noise.append(0.5 * scatter_weight(c, s))
+        noise.append(sum(scatter_J2(c, s)))
         y.append(rows[-1] @ first.mean + error_J)
         c = learn(c, s, y[-1])
     X, R, found, c = np.array(rows), np.diag(noise), c, first
@@ -73,7 +74,7 @@ def test_several_drives_against_regression_with_an_effect_of_each_drive():
             energy_J = x @ with_terrain(start(PRIOR), "grass").mean + rng.normal(0.0, 200.0)
             rows.append(x[shared])
             effects.append(x[7] * np.eye(4)[drive])
-            noise.append(scatter_m * scatter_weight(c, s))
+            noise.append(sum(scatter_J2(c, s)))
             y.append(energy_J)
             c = learn(c, s, energy_J)
     X, Z, first = np.array(rows), np.array(effects), with_terrain(start(PRIOR), "grass")
@@ -133,10 +134,10 @@ def test_a_terrain_may_be_added_at_any_time():
 
 def test_with_known_coefficients_the_scatter_is_learned_by_the_conjugate_rule():
     c = replace(certain(idle_W=10.0, force_N=20.0), scatter=Variance(4.0, 4.0))
-    s = stretch_of(Leg(50.0, "grass", 0.5))  # 2000 J; weight of the scatter: 10^2 * 100 / 30 + 20^2 * 50 = 61000 / 3
+    s = stretch_of(Leg(50.0, "grass", 0.5))  # 2000 J; sigma^2 counts 20^2 * 50 = 20000 times
     for error_J in (50.0, -30.0, 80.0):
         c = learn(c, s, 2000.0 + error_J)
-    assert c.scatter == pytest.approx((7.0, 4.0 + (2500.0 + 900.0 + 6400.0) * 3 / 61000.0))
+    assert c.scatter == pytest.approx((7.0, 4.0 + (2500.0 + 900.0 + 6400.0) / 20000.0))
 
 
 def test_standing_teaches_the_idle_power_only():
@@ -145,6 +146,23 @@ def test_standing_teaches_the_idle_power_only():
     assert c.mean[0] == pytest.approx(14.0, abs=0.1)
     assert c.mean[1:] == pytest.approx(before.mean[1:])
     assert c.scatter == before.scatter
+
+
+def test_with_a_known_idle_power_its_noise_is_learned_by_the_conjugate_rule():
+    c = replace(certain(idle_W=10.0), idle_noise=Variance(4.0, 400.0))
+    for error_W in (2.0, -1.0):
+        c = learn(c, Stretch("", 60.0), 60.0 * (10.0 + error_W))
+    assert c.idle_noise == pytest.approx((6.0, 400.0 + 60.0 * (4.0 + 1.0)))
+
+
+def test_a_varying_idle_power_is_as_uncertain_as_its_standing_shows():
+    errors, rng = [], np.random.default_rng(1)
+    for _ in range(40):
+        c = start(PRIOR)
+        for _ in range(25):
+            c = learn(c, Stretch("", 60.0), 60.0 * (14.0 + rng.normal(0.0, 4.0)))
+        errors.append((c.mean[0] - 14.0) / np.sqrt(c.cov[0, 0]))
+    assert 0.7 < np.std(errors) < 1.3
 
 
 def test_starts_and_stops_are_counted_and_teach_nothing():

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from energy.examples import learned
-from ohmward.energy.consumption import begin_drive, learn
+from energy.examples import PRIOR, learned
+from ohmward.energy.consumption import begin_drive, learn, start
 from ohmward.energy.consumption_file import dump_consumption, load_consumption, parse_consumption, save_consumption
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
@@ -17,8 +17,16 @@ def test_learning_goes_on_to_the_bit(tmp_path):
     assert back.last_drive_unix_s == 1.7e9
     for a, b in ((c, back), (begin_drive(c, 3.0), begin_drive(back, 3.0))):
         assert np.array_equal(a.mean, b.mean) and np.array_equal(a.cov, b.cov)
-        assert (a.scatter, a.day, a.visits, a.on_this_drive) == (b.scatter, b.day, b.visits, b.on_this_drive)
+        for name in ("scatter", "day", "idle_noise", "visits", "on_this_drive"):
+            assert getattr(a, name) == getattr(b, name), name
         assert (a.prior, a.terrains, a.reference_N) == (b.prior, b.terrains, b.reference_N)
+
+
+def test_a_table_of_before_the_noise_of_the_idle_power_has_that_of_its_prior():
+    text = dump_consumption(learned())
+    table, _, others = text.partition("[idle_noise]")
+    back = parse_consumption(table + others[others.index("[") :])
+    assert back.idle_noise == start(PRIOR).idle_noise
 
 
 def test_people_can_read_it():

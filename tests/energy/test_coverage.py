@@ -8,7 +8,7 @@ from ohmward.energy.consumption import (
     design_row,
     energy_demand,
     learn,
-    scatter_weight,
+    scatter_J2,
     start,
     with_terrain,
 )
@@ -27,8 +27,9 @@ def a_prediction(seed):
     sigma, tau = (np.sqrt(v.sum / rng.chisquare(v.dof)) for v in (c.scatter, c.day))
 
     def spent(stretch):
-        scatter = sigma * np.sqrt(scatter_weight(c, stretch))
-        return float(design_row(c, stretch) @ truth + scatter * rng.standard_normal())
+        ground_J2, idle_J2 = scatter_J2(c, stretch)
+        scatter_J = np.sqrt(sigma**2 * ground_J2 / c.scatter.value + idle_J2)
+        return float(design_row(c, stretch) @ truth + scatter_J * rng.standard_normal())
 
     for _ in range(2):
         c = begin_drive(c)

@@ -4,7 +4,7 @@ A stretch of duration t, with t_d of it under way over the distance d at the mea
 kinetic energy gained L and the mass ratio q = m / m_0, takes
 
 E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 t_d + e
-W = q d (f_k + c v) / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
+W = q d (f_k + c v) / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d + s^2 t)
 
 f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, whose force W / d
 heats the windings; W depends on the coefficients, so the filter is an extended one. A descent saves energy as far as
@@ -12,11 +12,12 @@ the resistance takes it up; beyond that the robot brakes, and recovers the share
 (regeneration efficiency). delta and delta_k are the day effects, of all terrains and of one: payload, tyre pressure,
 wet grass; each drive has its own, from N(0, tau^2 / 2). This separates differences between drives from uncertainty
 about the robot: a mission under way learns its own day effects, and the next day is uncertain by the usual variation
-between days. The scatter e comes from uneven ground: sigma^2 [m] is its correlation length times the square of its
-relative standard deviation, and long stretches average it out; standing updates the idle power only, and not where it
-takes more than driving: that is work of a tool.
+between days. The scatter e comes from uneven ground, sigma^2 [m] being its correlation length times the square of its
+relative standard deviation, and from an idle power that varies with the noise density s^2 [W^2 s]; long stretches
+average both out. Standing updates idle power and s^2 only, and not where it takes more than driving: that is work of a
+tool.
 
-Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
+Coefficients are Gaussian; sigma^2, s^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
 variances this is Bayesian regression, exact where the wheels never brake and the windings do not heat. The variances
 are learned from the part of each innovation that the update attributes to them (MacKay's count of well-determined
 parameters): with known coefficients this is the conjugate normal-inverse-gamma rule. The fully conjugate prior is not
@@ -45,7 +46,7 @@ from ohmward.traction.robot.robot import GRAVITY
 SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regeneration", "heat_W_per_N2", "day_effect")
 IDLE, SPEED, CLIMB, REGENERATION, HEAT, DAY_EFFECT = range(len(SHARED))
 _DAYS_PER_MONTH = 30.0
-#: Idle power varies less than resistance: it scatters like a resistance at this speed.
+#: Before the first drive, idle power varies less than resistance: it scatters like a resistance at this speed.
 _IDLE_SPEED_M_S = 30.0
 #: Smallest resistance used in squares, relative to the expected one.
 _LEAST_FORCE = 0.1
@@ -56,6 +57,10 @@ _LEAST_M = 0.01
 #: NIS above which the filter iterates, with half steps, and the largest number of iterations. On ground as expected,
 #: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
+#: Time by which standing seems to begin or end late or early, as power and speed are measured with different lags [s].
+_EDGE_S = 1.0
+#: Smallest variance of the idle power used as a divisor.
+_LEAST_W2 = 1e-9
 #: Standard deviations by which the idle power must exceed the power under way to be refuted by it.
 _SURELY_STDS = 3.0
 #: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
@@ -78,6 +83,7 @@ class Consumption:
     reference_N: tuple[float, ...]  #: (K,) forces that the day effects of this drive are relative to
     scatter: Variance  #: sigma^2 [m]
     day: Variance  #: tau^2
+    idle_noise: Variance  #: s^2 [W^2 s]
     visits: tuple[Visits, ...] = ()  #: (K,) totals of all drives there
     on_this_drive: tuple[str, ...] = ()  #: terrains of the drive under way
     last_drive_unix_s: float | None = None  #: when the last drive ended, where its log had a wall clock
@@ -154,9 +160,10 @@ def start(prior: ConsumptionPrior) -> Consumption:
     p = prior
     mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.regeneration, p.heat_W_per_N2, 0.0])
     std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.regeneration_std, p.heat_std_W_per_N2, 0.0]
-    day = Variance(prior.dof, prior.dof * prior.day_std**2)
-    scatter = Variance(prior.dof, prior.dof * prior.scatter_m)
-    return begin_drive(Consumption(prior, (), mean, np.diag(np.square(std)), (), scatter, day))
+    day = Variance(p.dof, p.dof * p.day_std**2)
+    scatter = Variance(p.dof, p.dof * p.scatter_m)
+    idle_noise = Variance(p.dof, p.dof * p.scatter_m * p.idle_W**2 / _IDLE_SPEED_M_S)
+    return begin_drive(Consumption(p, (), mean, np.diag(np.square(std)), (), scatter, day, idle_noise))
 
 
 def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
@@ -196,20 +203,19 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     c = with_ground(c, [stretch])
     if standing_work_J(c, stretch, energy_J):
         return c
-    weight = scatter_weight(c, stretch)
-    teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= SHORTEST_M)
+    ground_J2, idle_J2 = scatter_J2(c, stretch)
+    R = ground_J2 + idle_J2
+    if not stretch.terrain and c.on_this_drive:
+        R += (_EDGE_S * _under_way_W(c.visits)) ** 2
+    teaches = R > 0.0 and (not stretch.terrain or stretch.distance_m >= SHORTEST_M)
     if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
     c = _without_refuted_idle(c, stretch, energy_J)
-    R = c.scatter.value * weight
     belief, innovation = _corrected(c, stretch, energy_J, R)
     c = replace(c, mean=belief.mean, cov=belief.cov)
     if not stretch.terrain:
-        return c
-    noise_share = R / float(innovation.cov[0, 0])
-    scattered_J = float(innovation.value[0]) * noise_share
-    scatter = c.scatter.updated(scattered_J**2 / weight, noise_share)
-    return _visited(replace(c, scatter=scatter), stretch, energy_J)
+        return _with_idle_noise(c, c.idle_noise.after(innovation, idle_J2))
+    return _visited(replace(c, scatter=c.scatter.after(innovation, ground_J2)), stretch, energy_J)
 
 
 def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
@@ -236,7 +242,7 @@ def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand
         mean_J,
         np.maximum(all_J2 - day_J2, 0.0) + model_J2,
         np.minimum(day_J2, all_J2),
-        c.scatter.value * np.cumsum([scatter_weight(c, s) for s in stretches]),
+        np.cumsum([sum(scatter_J2(c, s)) for s in stretches]),
         c.day.dof,
         c.scatter.dof,
     )
@@ -309,13 +315,10 @@ def jacobian(c: Consumption, stretch: Stretch, x: np.ndarray) -> np.ndarray:
     return H
 
 
-def scatter_weight(c: Consumption, stretch: Stretch) -> float:
-    """Factor of sigma^2 [N^2 m]: resistance squared times distance, and idle power as a resistance at 30 m/s."""
-    idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
-    if not stretch.terrain:
-        return idle
-    resistance_N = mass_ratio(c, stretch) * force_N(c, stretch.terrain)
-    return idle + resistance_N**2 * stretch.distance_m
+def scatter_J2(c: Consumption, stretch: Stretch) -> tuple[float, float]:
+    """Variances of a stretch by uneven ground and by the noise of the idle power."""
+    resistance_N = mass_ratio(c, stretch) * force_N(c, stretch.terrain) if stretch.terrain else 0.0
+    return c.scatter.value * resistance_N**2 * stretch.distance_m, c.idle_noise.value * stretch.time_s
 
 
 def mass_ratio(c: Consumption, stretch: Stretch) -> float:
@@ -369,6 +372,14 @@ def _without_refuted_idle(c: Consumption, stretch: Stretch, energy_J: float) -> 
     cov[IDLE, :] = cov[:, IDLE] = 0.0
     mean[IDLE], cov[IDLE, IDLE] = c.prior.idle_W, c.prior.idle_std_W**2
     return replace(c, mean=mean, cov=cov)
+
+
+def _with_idle_noise(c: Consumption, noise: Variance) -> Consumption:
+    """The belief with another noise of the idle power, which the stands so far had, too: their information scales."""
+    learned = max(1.0 - c.cov[IDLE, IDLE] / max(c.prior.idle_std_W**2, _LEAST_W2), 0.0)
+    scale = np.ones(len(c.mean))
+    scale[IDLE] = (1.0 + learned * (c.idle_noise.value / noise.value - 1.0)) ** -0.5
+    return replace(c, cov=np.outer(scale, scale) * c.cov, idle_noise=noise)
 
 
 def _under_way_W(visits: Sequence[Visits]) -> float:
@@ -433,6 +444,11 @@ class Variance(NamedTuple):
     def updated(self, square: float, dof: float) -> Variance:
         """The variance after a squared deviation that counts as `dof` degrees of freedom."""
         return Variance(float(self.dof + dof), float(self.sum + square))
+
+    def after(self, innovation: Innovation, part_J2: float) -> Variance:
+        """The variance after an innovation of which it caused this part."""
+        share = part_J2 / float(innovation.cov[0, 0])
+        return self.updated(self.value * nis(innovation) * share, share)
 
 
 class Visits(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.atomic import write_text
-from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
+from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits, start
 from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.errors import InputError
@@ -23,7 +23,7 @@ _HEADER = """\
 # What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
 # what is read back; these lines are for people, and are rewritten each time.
 """
-_TABLES = ("prior", "scatter", "day", "terrain", "coefficients", "end")
+_TABLES = ("prior", "scatter", "day", "idle_noise", "terrain", "coefficients", "end")
 
 
 def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
@@ -62,6 +62,7 @@ def dump_consumption(c: Consumption) -> str:
         "prior": asdict(c.prior),
         "scatter": c.scatter._asdict(),
         "day": c.day._asdict(),
+        "idle_noise": c.idle_noise._asdict(),
         "terrain": [
             {"name": name, **v._asdict(), "reference_N": force_N, "on_this_drive": name in c.on_this_drive}
             for name, v, force_N in zip(c.terrains, c.visits, c.reference_N, strict=True)
@@ -92,15 +93,16 @@ def parse_consumption(text: str) -> Consumption:
 
 
 def _from_tables(data: Mapping[str, Any]) -> Consumption:
-    terrains = data.get("terrain", [])
+    terrains, prior = data.get("terrain", []), ConsumptionPrior(**data["prior"])
     c = Consumption(
-        ConsumptionPrior(**data["prior"]),
+        prior,
         tuple(str(t["name"]) for t in terrains),
         np.array(data["coefficients"]["mean"], dtype=float),
         np.array(data["coefficients"]["cov"], dtype=float),
         tuple(float(t["reference_N"]) for t in terrains),
         _numbers(Variance, data["scatter"]),
         _numbers(Variance, data["day"]),
+        _numbers(Variance, data["idle_noise"]) if "idle_noise" in data else start(prior).idle_noise,
         tuple(Visits(*(t[name] for name in Visits._fields)) for t in terrains),
         tuple(t["name"] for t in terrains if t["on_this_drive"]),
         data.get("last_drive_unix_s"),
