@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 
 BATTERY = generic_battery("nmc", 10.0)
@@ -46,7 +46,10 @@ def test_one_log_has_no_change():
     assert (found.mean, found.std, found.change) == ([0.9], [0.05], (0.0, 0.0))
 
 
-@pytest.mark.parametrize(("of_file", "std", "is_known"), [(0.1, 0.09, False), (0.1, 0.07, True), (0.01, 0.015, True)])
-def test_logs_show_the_capacity_if_they_say_as_much_as_the_file(of_file, std, is_known):
+@pytest.mark.parametrize(
+    ("of_file", "mean", "std", "is_known"),
+    [(0.1, 1.0, 0.09, False), (0.1, 1.0, 0.07, True), (0.01, 1.0, 0.015, True), (0.1, 0.68, 0.12, True)],
+)
+def test_logs_show_the_capacity_if_they_say_as_much_as_the_file_or_surely_another(of_file, mean, std, is_known):
     battery = replace(BATTERY, noise=replace(BATTERY.noise, capacity_std=of_file))
-    assert shows_capacity(battery, std) is is_known
+    assert shows_capacity(battery, Normal(mean, std)) is is_known

@@ -27,14 +27,16 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.models.noise import AGED_CAPACITY_STD, age_after
 from ohmward.quantities import DAY_S
 
-#: Logs show the capacity if they have halved the variance that the battery file gives it; or it is known this well.
-_HALVED, _KNOWN_STD = math.sqrt(0.5), 0.05
+#: Logs show the capacity if they have halved the variance that the battery file gives it; or it is known this well, or
+#: is off by this many standard deviations.
+_HALVED, _KNOWN_STD, _SURELY_STDS = math.sqrt(0.5), 0.05, 2.0
 
 
-def shows_capacity(battery: Battery, std: float) -> bool:
-    """True where the capacity is known from more than the battery file; std: relative, after the logs."""
+def shows_capacity(battery: Battery, capacity: Normal) -> bool:
+    """True where the capacity, over the battery file's, is known from more than the file."""
     of_file = math.hypot(battery.noise.capacity_std, battery.sensor.gain_std)
-    return std <= max(_HALVED * of_file, _KNOWN_STD)
+    is_another = abs(capacity.mean - 1.0) > _SURELY_STDS * capacity.std
+    return is_another or capacity.relative_std <= max(_HALVED * of_file, _KNOWN_STD)
 
 
 class CapacityOverLogs(NamedTuple):

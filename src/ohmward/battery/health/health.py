@@ -208,10 +208,12 @@ def health(
     common = common_error(learnt.battery, learnt.updates)
     found = health_of(battery, points, np.random.default_rng(_SEED), worn, common)
     of_logs = BatteryHealth(battery, new, dated, learnt.updates, found, found.capacity_now, "logs")
-    if any(point.shows_capacity for point in points) and shows_capacity(battery, found.capacity_now.std):
+    ratio = math.exp(found.capacity_now.mean)
+    by_logs = Normal(ratio, ratio * found.capacity_now.std)
+    if any(point.shows_capacity for point in points) and shows_capacity(battery, by_logs):
         return of_logs
     on_board = _capacity_on_board(battery, dated, learnt.updates)
-    if not shows_capacity(battery, on_board.relative_std):
+    if not shows_capacity(battery, on_board):
         return replace(of_logs, capacity=None, capacity_by=None)
     over_new = math.log(on_board.mean * battery.capacity_Ah / new.capacity_Ah)
     return replace(of_logs, capacity=Normal(over_new, on_board.relative_std), capacity_by="filter")
