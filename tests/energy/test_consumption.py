@@ -28,8 +28,8 @@ ICE = stretch_of(Leg(1.0, "ice", 1.0))
 
 
 def known_variances(c: Consumption, scatter_m: float, day_std: float) -> Consumption:
-    known = {"scatter": scatter_m, "day": day_std**2, "idle_noise": c.idle_noise.value}
-    return begin_drive(replace(c, **{name: Variance(SURE, SURE * value) for name, value in known.items()}))
+    scatter, day, idle_noise = (Variance(SURE, SURE * v) for v in (scatter_m, day_std**2, c.idle_noise.value))
+    return begin_drive(replace(c, scatter=scatter, day=day, idle_noise=idle_noise))
 
 
 def some_stretches(seed, count):

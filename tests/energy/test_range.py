@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from energy.examples import PRIOR, battery, certain, learned
 from ohmward.energy.consumption import learn, start
 from ohmward.energy.leg import Leg, Stretch, stretch_of
-from ohmward.energy.range import credible, distances, range_along, range_left, time_left
+from ohmward.energy.range import credible, distances, range_along, range_left
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 
@@ -67,11 +67,6 @@ def test_more_doubt_is_a_wider_range_and_less_charge_a_shorter_one():
     )
     assert unsure.p90 - unsure.p10 > 1.2 * (sure.p90 - sure.p10)
     assert less.p50 < 0.55 * sure.p50
-
-
-def test_standing_it_is_energy_over_idle_power():
-    found = time_left(certain(), battery(), BatteryState(0.5))
-    assert np.array(found) == pytest.approx(36000.0 * 24.0 * 0.5 / 10.0, rel=1e-5)
 
 
 def test_no_distance_ahead_is_refused():

@@ -5,7 +5,7 @@ from ohmward.energy.consumption_file import load_consumption, save_consumption
 from ohmward.energy.consumption_prior import prior_from_mass, prior_from_robot
 from ohmward.energy.cut_drive import cut_drive
 from ohmward.energy.leg import Leg, stretch_of
-from ohmward.energy.range import MissionForecast, Range, get_home, range_left, time_left
+from ohmward.energy.range import MissionForecast, Range, get_home, range_left
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeFlag
 from ohmward.energy.speed_advice import speed_advice
@@ -32,7 +32,6 @@ __all__ = [
     "speed_advice",
     "start",
     "stretch_of",
-    "time_left",
     "usable_energy",
     "with_terrain",
 ]

@@ -59,8 +59,6 @@ _LEAST_M = 0.01
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: Time by which standing seems to begin or end late or early, as power and speed are measured with different lags [s].
 _EDGE_S = 1.0
-#: Smallest variance of the idle power used as a divisor.
-_LEAST_W2 = 1e-9
 #: Standard deviations by which the idle power must exceed the power under way to be refuted by it.
 _SURELY_STDS = 3.0
 #: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
@@ -376,7 +374,7 @@ def _without_refuted_idle(c: Consumption, stretch: Stretch, energy_J: float) -> 
 
 def _with_idle_noise(c: Consumption, noise: Variance) -> Consumption:
     """The belief with another noise of the idle power, which the stands so far had, too: their information scales."""
-    learned = max(1.0 - c.cov[IDLE, IDLE] / max(c.prior.idle_std_W**2, _LEAST_W2), 0.0)
+    learned = max(1.0 - c.cov[IDLE, IDLE] / (c.prior.idle_std_W**2 or np.inf), 0.0)
     scale = np.ones(len(c.mean))
     scale[IDLE] = (1.0 + learned * (c.idle_noise.value / noise.value - 1.0)) ** -0.5
     return replace(c, cov=np.outer(scale, scale) * c.cov, idle_noise=noise)

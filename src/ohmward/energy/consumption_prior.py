@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -78,11 +78,8 @@ class ConsumptionPrior:
 
     def __post_init__(self) -> None:
         require_each_positive("prior.", self, "mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb")
-        require_each_not_negative("prior.", self, "idle_W", "idle_std_W", "heat_W_per_N2", "heat_std_W_per_N2")
-        require_each_not_negative(
-            "prior.", self, "speed_N_s_per_m", "speed_std_N_s_per_m", "drift_std", "model_std", "slope_std"
-        )
-        require_each_not_negative("prior.", self, "climb_std", "regeneration", "regeneration_std")
+        numbers = (item.name for item in fields(self) if item.type == "float" and item.name != "dof")
+        require_each_not_negative("prior.", self, *numbers)
         require_between("prior.dof", self.dof, 3.0, math.inf)
         for name, force_N in self.terrain_force_N.items():
             require_positive(f"prior.terrain_force_N.{name}", force_N)

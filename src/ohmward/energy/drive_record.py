@@ -116,7 +116,8 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s", speed_unit: str |
     named = unit_in_name(speed_column, ("speed",))
     unit = named if named and not speed_unit else given_unit("speed", speed_unit or "m/s")
     speed_m_s, fast = _credible(unit.in_si(log.extra[speed_column]), FASTEST_M_S, f"speed above {FASTEST_M_S:g} m/s")
-    columns = [(unit_in_name(name, ("angle",)), name) for stem in SLOPES for name in log.extra if _is_of(name, stem)]
+    stems = {name: [text.lower().strip(" _") for text, _ in split_unit(name)] for name in log.extra}
+    columns = [(unit_in_name(name, ("angle",)), name) for stem in SLOPES for name in stems if stem in stems[name]]
     of_slope, slope = next(((angle, name) for angle, name in columns if angle), (None, ""))
     ground = f"slope from {slope!r} in {of_slope.symbol}" if of_slope else "level ground assumed"
     note = Note(f"speed from column {speed_column!r} in {unit.symbol}, {ground}")
@@ -124,11 +125,6 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s", speed_unit: str |
         return BodyMotion(speed_m_s, None, None, (note, *fast))
     grade_rad, steep = _credible(of_slope.in_si(log.extra[slope]), STEEPEST_RAD, f"slope in {slope!r} above 45 degrees")
     return BodyMotion(speed_m_s, grade_rad, None, (note, *fast, *steep))
-
-
-def _is_of(name: str, stem: str) -> bool:
-    """True where a column's name is this stem with a unit."""
-    return any(text.lower().strip(" _") == stem for text, _ in split_unit(name))
 
 
 def _credible(values: np.ndarray, most: float, what: str) -> tuple[np.ndarray, list[Note]]:

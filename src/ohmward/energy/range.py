@@ -231,16 +231,8 @@ def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.
     return np.where(costs, root**2, np.inf)
 
 
-def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantiles:
-    """Time [s] for which the robot can stand."""
-    z = normal_points(DIMENSIONS)
-    standing = energy_demand(c, [Stretch("", 1.0)])
-    usable = usable_at(battery, replace(state, end=c.end), standing.mean_J, z[BATTERY])
-    return quantiles(usable / np.maximum(spent_J(standing, z), _LEAST_J))
-
-
 def spent_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] of level ground or standing at the points, without the scatter; at least a tenth of the mean."""
+    """(N,) energy [J] of level ground at the points, without the scatter; at least a tenth of the mean."""
     return np.maximum(certain_part(n, z), _LEAST_ENERGY_SHARE * n.mean_J)
 
 

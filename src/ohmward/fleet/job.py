@@ -20,6 +20,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.file import BATTERY_FILE, save_battery
+from ohmward.battery.health.ageing import logarithm
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log, read_log_of
@@ -86,7 +87,7 @@ def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: Soc
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
     figures = {"samples": len(log), "duration_s": log.duration_s, **soc_figures(log, found)}
     figures |= {"flagged_share": float(np.mean(incidents != 0))}
-    if not shows_capacity(battery, Normal(float(found.soh_capacity[-1]), float(found.soh_capacity_std[-1]))):
+    if not shows_capacity(battery, logarithm(Normal(found.soh_capacity[-1], found.soh_capacity_std[-1]), 1.0)):
         figures["soh_capacity"] = None
     return {"path": text, **fit, **{name: None if value != value else value for name, value in figures.items()}}
 
@@ -217,7 +218,7 @@ def _given_all_logs(
     if not rows or not np.isfinite(capacities).all():
         return change
     found = capacity_over_logs(battery, *zip(*capacities, strict=True))
-    is_known = shows_capacity(battery, Normal(float(found.mean[-1]), float(found.std[-1])))
+    is_known = shows_capacity(battery, logarithm(Normal(found.mean[-1], found.std[-1]), 1.0))
     for row, mean, std in zip(rows, found.mean, found.std, strict=True):
         row |= {"soh_capacity": float(mean) if is_known else None, "soh_capacity_std": float(std)}
     if is_known and len(rows) > 1:

@@ -115,7 +115,7 @@ Find = Callable[[tuple[str, ...]], str | None]
 def _finds(by: str) -> tuple[Find, ...]:
     """Functions that find the column of a way, the first preferred."""
     if by == AUTO:
-        return _robot_column, serial_column
+        return (lambda names: next((name for name in names if _COLUMN.match(name)), None)), serial_column
     if by == SERIAL:
         return (serial_column,)
     if by in WAYS:
@@ -196,10 +196,6 @@ def _with_unreadable(found: Robots, texts: Sequence[str], way: str) -> Robots:
 
 def _each_alone(texts: Sequence[str]) -> Robots:
     return Robots(ALONE, {text: [text] for text in texts})
-
-
-def _robot_column(names: tuple[str, ...]) -> str | None:
-    return next((name for name in names if _COLUMN.match(name)), None)
 
 
 def _in_name(text: str) -> str | None:

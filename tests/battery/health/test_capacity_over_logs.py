@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal, generic_battery
+from ohmward.battery.health.ageing import logarithm
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
 
 BATTERY = generic_battery("nmc", 10.0)
@@ -52,4 +53,4 @@ def test_one_log_has_no_change():
 )
 def test_logs_show_the_capacity_if_they_say_as_much_as_the_file_or_surely_another(of_file, mean, std, is_known):
     battery = replace(BATTERY, noise=replace(BATTERY.noise, capacity_std=of_file))
-    assert shows_capacity(battery, Normal(mean, std)) is is_known
+    assert shows_capacity(battery, logarithm(Normal(mean, std), 1.0)) is is_known

@@ -32,11 +32,11 @@ from ohmward.quantities import DAY_S
 _HALVED, _KNOWN_STD, _SURELY_STDS = math.sqrt(0.5), 0.05, 2.0
 
 
-def shows_capacity(battery: Battery, capacity: Normal) -> bool:
-    """True where the capacity, over the battery file's, is known from more than the file."""
+def shows_capacity(battery: Battery, log_capacity: Normal) -> bool:
+    """True where ln(capacity over the battery file's) is known from more than the file."""
     of_file = math.hypot(battery.noise.capacity_std, battery.sensor.gain_std)
-    is_another = abs(capacity.mean - 1.0) > _SURELY_STDS * capacity.std
-    return is_another or capacity.relative_std <= max(_HALVED * of_file, _KNOWN_STD)
+    is_another = abs(log_capacity.mean) > _SURELY_STDS * log_capacity.std
+    return is_another or log_capacity.std <= max(_HALVED * of_file, _KNOWN_STD)
 
 
 class CapacityOverLogs(NamedTuple):

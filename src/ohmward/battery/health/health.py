@@ -25,6 +25,7 @@ from ohmward.battery.health.ageing import (
     ageing_laws,
     fit_ageing,
     life_ahead,
+    logarithm,
     no_law,
 )
 from ohmward.battery.health.capacity_over_logs import capacity_over_logs, shows_capacity
@@ -208,15 +209,13 @@ def health(
     common = common_error(learnt.battery, learnt.updates)
     found = health_of(battery, points, np.random.default_rng(_SEED), worn, common)
     of_logs = BatteryHealth(battery, new, dated, learnt.updates, found, found.capacity_now, "logs")
-    ratio = math.exp(found.capacity_now.mean)
-    by_logs = Normal(ratio, ratio * found.capacity_now.std)
-    if any(point.shows_capacity for point in points) and shows_capacity(battery, by_logs):
+    if any(point.shows_capacity for point in points) and shows_capacity(battery, found.capacity_now):
         return of_logs
     on_board = _capacity_on_board(battery, dated, learnt.updates)
-    if not shows_capacity(battery, on_board):
+    if not shows_capacity(battery, logarithm(on_board, 1.0)):
         return replace(of_logs, capacity=None, capacity_by=None)
-    over_new = math.log(on_board.mean * battery.capacity_Ah / new.capacity_Ah)
-    return replace(of_logs, capacity=Normal(over_new, on_board.relative_std), capacity_by="filter")
+    over_new = logarithm(on_board, new.capacity_Ah / battery.capacity_Ah)
+    return replace(of_logs, capacity=over_new, capacity_by="filter")
 
 
 def _capacity_on_board(battery: Battery, dated: DatedLogs, updates: Sequence[LogUpdate]) -> Normal:

@@ -193,7 +193,9 @@ def used_capacities(updates: Sequence[LogUpdate]) -> list[UsedCapacity]:
             whole = update.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
         if whole:
             latest = FullDischarge(update.log, max(update.soc_min, 0.0), _as_counted(update))
-        found.append(UsedCapacity(latest, update.capacity_Ah if latest is None else _of_next(latest)))
+        given = None if latest is None else latest.given_Ah  # by the next discharge, up to reversible changes
+        next_Ah = given and given._replace(std=math.hypot(given.std, REVERSIBLE_STD * given.mean))
+        found.append(UsedCapacity(latest, next_Ah or update.capacity_Ah))
     return found
 
 
@@ -204,9 +206,3 @@ def _as_counted(update: LogUpdate) -> Normal:
     """
     turned = (update.soc_end.mean - update.soc_start.mean) / max(update.soc_max - update.soc_min, 1e-3)
     return update.given_Ah._replace(mean=update.given_Ah.mean + turned * update.offset_A.mean * update.hours)
-
-
-def _of_next(latest: FullDischarge) -> Normal:
-    """Capacity of the next discharge: that of the latest, made less certain by reversible changes."""
-    given_Ah = latest.given_Ah.mean
-    return Normal(given_Ah, math.hypot(latest.given_Ah.std, REVERSIBLE_STD * given_Ah))
