@@ -18,7 +18,8 @@ def test_travel_in_every_direction_is_driving(direction):
     motion = np.column_stack([*(speed_m_s * d for d in direction), 0.0 * TIME_S])
     wheels = motion @ ROBOTINO.rolling[: ROBOTINO.driven].T / ROBOTINO.wheel.radius_m
     rng = np.random.default_rng(1)
-    log = DriveLog("drive", TIME_S, wheels + 0.02 * rng.standard_normal(wheels.shape), 0.3 * np.sign(wheels))
+    current_A = 0.3 * np.sign(wheels) + 0.01 * rng.standard_normal(wheels.shape)
+    log = DriveLog("drive", TIME_S, wheels + 0.02 * rng.standard_normal(wheels.shape), current_A)
     found = observe_motion(ROBOTINO, log, hard_terrain("dry asphalt"), TIME_S)
     assert np.sum(found.speed_m_s) * 0.02 == pytest.approx(0.3 * 15.0, rel=0.1)
     battery = Log("drive", TIME_S, np.where(speed_m_s > 0.0, -2.0, -0.5), np.full(TIME_S.size, 24.0))
@@ -42,7 +43,8 @@ def test_nothing_is_driven_where_the_wheels_were_not_recorded():
     """Wheels from 0 to 5 s and from 65 to 70 s at 0.5 m/s, the battery for two minutes."""
     time_s = np.concatenate([np.arange(0.0, 5.0, 0.02), np.arange(65.0, 70.0, 0.02)])
     wheels = np.full((time_s.size, 4), 0.5 / RLMA.wheel.radius_m)
-    drive = DriveLog("drive", time_s, wheels, np.full((time_s.size, 2), 0.3))
+    current_A = 0.3 + 0.01 * np.random.default_rng(1).standard_normal((time_s.size, 2))
+    drive = DriveLog("drive", time_s, wheels, current_A)
     battery = Log("battery", np.arange(0.0, 120.0), np.full(120, -1.0), np.full(120, 24.0))
     record = record_drive(battery, observe_motion(RLMA, drive, hard_terrain("dry asphalt"), battery.time_s), "grass")
     assert sum(d.stretch.distance_m for d in record.driven) < 0.5 * 10.0
@@ -52,7 +54,8 @@ def test_nothing_is_driven_where_the_wheels_were_not_recorded():
 def test_the_balance_takes_no_power_from_a_battery_that_was_not_recorded():
     time_s = np.arange(0.0, 60.0, 0.02)
     wheels = np.full((time_s.size, 4), 0.5 / RLMA.wheel.radius_m)
-    drive = DriveLog("drive", time_s, wheels, np.full((time_s.size, 2), 0.3))
+    current_A = 0.3 + 0.01 * np.random.default_rng(1).standard_normal((time_s.size, 2))
+    drive = DriveLog("drive", time_s, wheels, current_A)
     battery = Log("battery", np.arange(0.0, 21.0), np.full(21, -1.0), np.full(21, 24.0))
     record = record_drive(battery, observe_motion(RLMA, drive, hard_terrain("dry asphalt"), battery.time_s), "grass")
     assert record.balance is not None
