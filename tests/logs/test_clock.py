@@ -129,6 +129,13 @@ def test_a_clock_that_was_set_after_the_start_is_joined(epoch, unit):
     assert [note.level for note in read.notes if "set after the start" in note.text] == ["warning"]
 
 
+@pytest.mark.parametrize("cells", [("1970-01-02T00:00:20", "1970-01-02T00:00:30"), ("1999-12-31", "2000-01-01")])
+def test_the_date_of_a_clock_that_was_never_set_is_left_out(cells):
+    read = clock(text(*cells))
+    assert read.start_unix_s is None and "the date is left out" in read.notes[-1].text
+    np.testing.assert_array_equal(read.time_s, np.array(cells, dtype="M8[s]").astype(float))
+
+
 @pytest.mark.parametrize("seconds", [[START - 1e8, START - 1e8 + 5.0, START, START + 5.0], [0.0, 5.0, 4e7, 4e7 + 5.0]])
 def test_a_pause_of_years_is_no_clock_that_was_set(seconds):
     assert np.diff(clock(np.array(seconds)).time_s).max() > 3e7
