@@ -10,9 +10,11 @@ from cli.examples import drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.cli.battery_inputs import reading_words
 from ohmward.cli.doctor import sources
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
+from ohmward.logs.log import ReadOptions
 from ohmward.traction import RLMA, save_robot
 
 
@@ -216,6 +218,11 @@ def test_the_next_command_reads_the_log_as_this_one_did(here, as_json, capsys):
     words = ["--names", names, "--current-sign", "charge", "--from", "60", "--temperature", "20", "--sort-time"]
     *_, command = as_json("doctor", "my day.csv", *words)["next"]
     assert main(shlex.split(command)[1:]) == 0
+
+
+def test_the_next_command_names_topics_by_their_option():
+    where = (("topic", "/a"), ("exp", "5"))
+    assert reading_words(ReadOptions(where=where)) == ["--topic", "/a", "--where", "exp=5"]
 
 
 def test_many_logs_are_those_of_a_fleet(here, as_json):

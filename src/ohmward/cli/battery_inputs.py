@@ -29,6 +29,7 @@ from ohmward.logs import FileHints, Log
 from ohmward.logs.bags.bag_table import METADATA, parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
+from ohmward.logs.hints import TOPIC
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table, with_streams_stored
 from ohmward.logs.selection import split_selection
@@ -159,7 +160,7 @@ def reading_words(reading: ReadOptions) -> list[str]:
     words: list[str] = []
     for option, pairs in repeated.items():
         for pair in pairs:
-            words += [option, "=".join(pair)]
+            words += ["--topic", pair[1]] if pair[0] == TOPIC else [option, "=".join(pair)]
     once = {"--current-sign": None if reading.current_sign == "auto" else reading.current_sign}
     once |= {option: getattr(hints, field) for option, field in HINTS.items()}
     for option, value in once.items():
