@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
-from ohmward.battery.identification.log_details import label_notes
+from ohmward.battery.identification.log_details import label_notes, require_likely_cells
+from ohmward.errors import InputError
 
 NMC_OCV = start_model("nmc", 2.0).ocv
 
@@ -31,6 +32,17 @@ def test_a_contradiction_is_named_with_what_would_fit(voltage_V, name, n_series,
     (note,) = label_notes(np.array([voltage_V, np.nan, voltage_V]), NMC_OCV, name, n_series)
     assert note.level == "warning"
     assert advice in note.text
+
+
+@pytest.mark.parametrize(("voltage_V", "n_series"), [(12.8, 1), (2 * 3.3, 1), (13.2, 8)])
+def test_a_number_of_cells_far_from_the_voltage_is_refused(voltage_V, n_series):
+    with pytest.raises(InputError, match=r"would fit \(--n-series, n_series=\)"):
+        require_likely_cells(np.full(9, voltage_V), "lfp", n_series)
+
+
+def test_a_long_charge_is_not_refused():
+    """Lead-acid cells at 2.45 V gas: 15 % above a full one at rest, which is told and no more."""
+    require_likely_cells(np.full(9, 6 * 2.45), "lead-acid", 6)
 
 
 @pytest.mark.parametrize(("name", "other"), [("lfp", "nmc"), ("nmc", "lfp")])

@@ -62,6 +62,7 @@ from ohmward.battery.identification.log_details import (
     fit_notes,
     is_reproduced,
     label_notes,
+    require_likely_cells,
 )
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
@@ -144,7 +145,8 @@ def identify(
     progress: called with the name of the stage and the share done, from 0 to 1.
 
     Raises:
-        InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
+        InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity
+            or the number of cells.
     """
     logs = as_logs(logs)
     starts = starts_of_logs(initial_soc, [log.name for log in logs])
@@ -404,6 +406,8 @@ def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     for log in logs:
         if not np.any(log.voltage_V > 0.0):
             raise InputError(f"log {log.name!r} has no voltage above 0; check its columns")
+    voltage_V = np.concatenate([log.voltage_V for log in logs])
+    require_likely_cells(voltage_V, chemistry_name(settings.chemistry), settings.n_series)
 
 
 def cells_transfer_V(reference_degC: float, n_series: int) -> float:

@@ -23,6 +23,7 @@ from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
@@ -283,8 +284,9 @@ def branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
     return tuple(log_fit(b.log_name, f"low-rate {b.direction}", b.soc) for b in branches)
 
 
-#: Share by which usual voltages may lie beyond the curve: cells of one chemistry differ, and a log may be a charge.
-_BEYOND_CURVE = 0.08
+#: Share by which usual voltages may lie beyond the curve: cells of one chemistry differ, and a log may be a charge. By
+#: this much they are of another number of cells.
+_BEYOND_CURVE, _OTHER_CELLS = 0.08, 0.5
 
 #: Largest RMS error of the voltage over the range of the open-circuit voltage from empty to full. Files that estimate
 #: well reproduce tests of twenty cells, measured and of porous electrodes, to within 0.041.
@@ -329,16 +331,36 @@ def label_notes(voltage_V: np.ndarray, ocv: OcvCurve, chemistry: str, n_series: 
     """
     if not chemistry:
         return ()
+    contradiction = unlikely_cells(voltage_V, chemistry, n_series)
+    if not contradiction and (differs := chemistry_contradiction(chemistry, [V / n_series for V in ocv.voltage_V])):
+        contradiction = f"the identified open-circuit voltage {differs}"
+    return (Note(contradiction, "warning"),) if contradiction else ()
+
+
+def require_likely_cells(voltage_V: np.ndarray, chemistry: str, n_series: int) -> None:
+    """Refuse a number of cells that is far from that of the logs, as 1 for a pack; as `label_notes`.
+
+    Raises:
+        InputError: the usual voltage of a cell would be half as much again as that of a full one, or a third below
+            that of an empty one.
+    """
+    if chemistry and (contradiction := unlikely_cells(voltage_V, chemistry, n_series, _OTHER_CELLS)):
+        raise InputError(f"{contradiction} (--n-series, n_series=)")
+
+
+def unlikely_cells(voltage_V: np.ndarray, chemistry: str, n_series: int, beyond: float = _BEYOND_CURVE) -> str:
+    """Contradiction of the usual voltage of the logs with this many cells of this chemistry; "" for none.
+
+    beyond: share by which it may lie outside the curve.
+    """
     empty_V, *_, full_V = CHEMISTRIES[chemistry].ocv_V
-    low_V, high_V = (1 - _BEYOND_CURVE) * empty_V, (1 + _BEYOND_CURVE) * full_V
     usual_V = float(np.nanmedian(voltage_V))
-    if low_V <= usual_V / n_series <= high_V:
-        contradiction = chemistry_contradiction(chemistry, [point_V / n_series for point_V in ocv.voltage_V])
-        return (Note(f"the identified open-circuit voltage {contradiction}", "warning"),) if contradiction else ()
+    if empty_V / (1 + beyond) <= usual_V / n_series <= (1 + beyond) * full_V:
+        return ""
+    low_V, high_V = empty_V / (1 + _BEYOND_CURVE), (1 + _BEYOND_CURVE) * full_V
     fitting = [n for n in range(1, int(usual_V / low_V) + 1) if low_V <= usual_V / n <= high_V]
     advice = f"; {' or '.join(map(str, fitting))} would fit" if fitting else "; is the chemistry another one?"
-    text = (
+    return (
         f"the usual voltage of the logs, {usual_V:.4g} V, is {usual_V / n_series:.3g} V a cell with n_series = "
         f"{n_series}, but cells of {chemistry} have {empty_V:g} to {full_V:g} V{advice}"
     )
-    return (Note(text, "warning"),)
