@@ -203,6 +203,14 @@ def test_a_count_that_a_cut_off_contradicts_is_tied_to_it(given_Ah):
     assert axis.std == pytest.approx(np.sqrt(np.mean([a.std**2 for a in axis.anchors])), rel=1e-12)
 
 
+def test_a_cold_count_of_more_than_the_capacity_is_tied_to_empty():
+    axis = emptied(1.9, degC=5.0)
+    assert axis.soc.min() == pytest.approx(0.0, abs=1e-9)
+    assert axis.capacity_ratio * 1.9 == pytest.approx(1.98, rel=2e-3)
+    (warning,) = [note for note in axis.notes if note.level == "warning"]
+    assert "Is 1.98 Ah the capacity that estimators should use, not 1.9 Ah?" in warning.text
+
+
 def test_a_cut_off_that_agrees_changes_nothing():
     axis = emptied(2.0)
     assert len(axis.anchors) == 1 and axis.capacity_ratio == 1.0

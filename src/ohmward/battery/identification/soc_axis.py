@@ -110,7 +110,8 @@ def anchor_soc(
     assumed full.
     The loss between two full charges gives the coulombic efficiency, and any difference left is spread over the charge
     that flowed; without them `efficiency` holds. A count that contradicts the ends of discharges at empty
-    (`cut_offs`) is tied to them as well: the capacity is wrong, or the current, or that changed between samples.
+    (`cut_offs`), or is of more than the capacity, in the cold as well, is tied to empty too: the capacity is wrong, or
+    the current, or that changed between samples.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
     empty_V: usual open-circuit voltage of an empty battery of this chemistry; 0 where that is unknown.
     left_per_C: SoC that a load leaves there, for each C of its rate; None where that is unknown.
@@ -122,8 +123,10 @@ def anchor_soc(
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
-    if left_per_C:
-        axis = _ending_empty(record, axis, capacity_Ah, cut_offs(record, capacity_Ah, empty_V, left_per_C))
+    empties = cut_offs(record, capacity_Ah, empty_V, left_per_C) if left_per_C else ()
+    if not empties and np.ptp(axis.soc) > 1.0 + CAPACITY_WARNING:
+        empties = (SocAnchor(int(np.argmin(axis.soc)), 0.0, _SWEEP_STD[0], "by more than the capacity given"),)
+    axis = _ending_empty(record, axis, capacity_Ah, empties)
     notes = axis.notes + _notes(record, axis, capacity_Ah, ocv)
     if initial_soc is not None and abs(initial_soc - axis.soc[0]) > 3.0 * math.hypot(TEST_START_STD, anchors[0].std):
         set_aside = f"starts at {initial_soc:g} as given, but its full charges say {axis.soc[0]:.3f}, which is taken"
@@ -341,7 +344,9 @@ def _ending_empty(record: Record, axis: SocAxis, capacity_Ah: float, empties: Se
     """The axis, tied to the cut-offs that its count clearly contradicts as well."""
     first = axis.anchors[0]
     off = {a: float(axis.soc[a.sample]) - a.soc for a in empties}
-    wrong = [a for a in empties if abs(off[a]) > max(CAPACITY_WARNING, 2.0 * math.hypot(a.std, first.std))]
+    # from full the count ends no higher where full was not reached
+    start_std = {a: 0.0 if off[a] < 0.0 and first.soc == 1.0 else first.std for a in empties}
+    wrong = [a for a in empties if abs(off[a]) > max(CAPACITY_WARNING, 2.0 * math.hypot(a.std, start_std[a]))]
     left = max([0.0, *off.values()])
     if not wrong and left <= CAPACITY_WARNING:
         return axis._replace(left=left)
