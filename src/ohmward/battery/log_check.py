@@ -49,6 +49,12 @@ _CELLS_APART = 2
 #: this [V], and than this multiple of the error with the other number. With correct files on measured cells, cold and
 #: aged ones included, it is at most 1.6 times as large.
 _CELL_ERROR_V, _TIMES_BETTER = 0.03, 2.5
+#: Another capacity, relative to the file's, explains a log better where the best of those near the file's leaves an
+#: error of a cell larger than this [V], than this share of the error of the file's curve, whose level and slope the fit
+#: takes up, and than this multiple of the error with the other one, over windows that move this share of the capacity.
+#: With right files it is at most 1.3 times as large, on batteries aged to 80 % as well.
+_AGED, _OTHERS = (1.0, 0.85, 1.15), (0.5, 0.58, 0.67, 0.75, 1.32, 1.5, 1.75, 2.0)
+_WELL_V, _OF_CURVE, _BETTER_CAPACITY, _SHOWS_CAPACITY = 0.005, 0.25, 1.5, 0.2
 #: One sign of the current explains a log better where the error with the other one is this many times larger, and
 #: larger than this [V].
 _TIMES_WORSE, _WRONG_V = 2.0, 0.003
@@ -119,35 +125,20 @@ def check_log(log: Log, battery: Battery) -> Log:
 
 
 def other_cells(log: Log, battery: Battery) -> str:
-    """Contradiction of the log's voltage with the number of cells in the battery file; "" for none."""
-    curve_V = battery.thevenin.ocv.voltage_V
+    """Contradiction of the level or the shape of the voltage with the file's number of cells; "" for none."""
+    own, curve_V = int(battery.n_series), battery.thevenin.ocv.voltage_V
     if not np.isfinite(log.voltage_V).any():
         return ""
-    if _is_usually_within(log.voltage_V, curve_V[0], (1 + ABOVE_FULL) * curve_V[-1]):
-        return _better_explained(log, battery)
-    return (
-        f"its usual voltage, {np.nanmedian(log.voltage_V):.4g} V, contradicts the battery file, {curve_V[0]:.4g} V "
-        f"(empty) to {curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
-    )
-
-
-def _is_usually_within(values: np.ndarray, low: float, high: float) -> bool:
-    """True where the median of the values (T,) lies within the limits, as it does if all of them do; nan left out."""
-    all_within = low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high
-    return bool(all_within or low <= np.nanmedian(values) <= high)
-
-
-def _better_explained(log: Log, battery: Battery) -> str:
-    """Contradiction of the shape of the voltage with the number of cells in the battery file; "" for none."""
-    own = int(battery.n_series)
-    if own < 2:
-        return ""
-    curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
-    windows = [rows for window in _windows(log, battery) if (rows := _rows(window, battery))]
-    if not windows or cell_error_V(windows, curve_V, own, _CELL_ERROR_V) <= _CELL_ERROR_V:
+    if not _is_usually_within(log.voltage_V, curve_V[0], (1 + ABOVE_FULL) * curve_V[-1]):
+        return (
+            f"its usual voltage, {np.nanmedian(log.voltage_V):.4g} V, contradicts the battery file, {curve_V[0]:.4g} V "
+            f"(empty) to {curve_V[-1]:.4g} V (full) with n_series = {own}: another number of cells in series?"
+        )
+    windows = _windows(log, battery) if own > 1 else []
+    if not windows or cell_error_V(windows, battery, own, _CELL_ERROR_V) <= _CELL_ERROR_V:
         return ""
     tried = range(max(own - _CELLS_APART, 1), own + _CELLS_APART + 1)
-    error_V = {cells: cell_error_V(windows, curve_V, cells) for cells in tried}
+    error_V = {cells: cell_error_V(windows, battery, cells) for cells in tried}
     best = min(error_V, key=lambda cells: error_V[cells])
     if error_V[own] < _TIMES_BETTER * error_V[best]:
         return ""
@@ -156,6 +147,32 @@ def _better_explained(log: Log, battery: Battery) -> str:
         f"{number} in series explain its voltage better than {own}, the n_series of the battery file: "
         f"{1e3 * error_V[best]:.0f} against {1e3 * error_V[own]:.0f} mV RMS a cell; correct n_series?"
     )
+
+
+def other_capacity(log: Log, battery: Battery) -> str:
+    """Contradiction of the counted charge with the capacity of the battery file, also of an aged one; "" for none.
+
+    The voltage shows how far along the curve the charge has moved the battery.
+    """
+    cells = int(battery.n_series)
+    enough_V = max(_WELL_V, _OF_CURVE * float(np.median(battery.noise.model_std_V)) / cells)
+    windows = [rows for rows in _windows(log, battery) if np.ptp(rows.charge) > _SHOWS_CAPACITY]
+    if not windows or (own_V := cell_error_V(windows, battery, cells, enough_V, capacities=_AGED)) <= enough_V:
+        return ""
+    error_V = {other: cell_error_V(windows, battery, cells, capacities=(other,)) for other in _OTHERS}
+    best = min(error_V, key=lambda other: error_V[other])
+    if own_V < _BETTER_CAPACITY * error_V[best]:
+        return ""
+    return (
+        f"{best:g} times the file's capacity explains its voltage better than that, or than that of an aged battery: "
+        f"{1e3 * error_V[best]:.0f} against {1e3 * own_V:.0f} mV RMS a cell; is the capacity that of this battery?"
+    )
+
+
+def _is_usually_within(values: np.ndarray, low: float, high: float) -> bool:
+    """True where the median of the values (T,) lies within the limits, as it does if all of them do; nan left out."""
+    all_within = low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high
+    return bool(all_within or low <= np.nanmedian(values) <= high)
 
 
 class _WindowMeans(NamedTuple):
@@ -172,15 +189,13 @@ def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
 
     None where both signs explain the voltage about as well, or neither does.
     """
-    curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
     error_V: dict[CurrentSign, float] = {}
     signs: tuple[CurrentSign, CurrentSign] = ("charge", "discharge")
     for sign, factor in zip(signs, (1.0, -1.0), strict=True):
         signed = Log(log.name, log.time_s, factor * log.current_A, log.voltage_V)
-        windows = [rows for window in _windows(signed, battery) if (rows := _rows(window, battery))]
-        if not windows:
+        if not (windows := _windows(signed, battery)):
             return None
-        error_V[sign] = cell_error_V(windows, curve_V, int(battery.n_series), resistance_ratio=1.0)
+        error_V[sign] = cell_error_V(windows, battery, int(battery.n_series), resistance_ratio=1.0)
     likely: CurrentSign = min(error_V, key=lambda sign: error_V[sign])
     least_V, other_V = sorted(error_V.values())
     return likely if least_V < _CELL_ERROR_V and other_V > max(_TIMES_WORSE * least_V, _WRONG_V) else None
@@ -221,36 +236,56 @@ def read_log_of(
 
 def cell_error_V(
     windows: Sequence[_WindowMeans],
-    curve_V: np.ndarray,
+    battery: Battery,
     cells: int,
     enough_V: float = 0.0,
     resistance_ratio: float = 0.0,
+    capacities: Sequence[float] = _CAPACITIES,
 ) -> float:
-    """RMS error [V] of the mean cell voltage with this number of cells.
+    """RMS error [V] of the mean cell voltage with this number of cells of the file, each window at its best start.
 
     enough_V: error at which a search ends.  resistance_ratio: prior mean of the resistances over the file's.
+    capacities: over the file's, of which the best is taken in each window.
     """
-    squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2, resistance_ratio) for rows in windows]
-    return float(np.sqrt(np.average(squares, weights=[rows.voltage_V.size for rows in windows])))
+    curve_V, squares_V2 = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series, []
+    for rows in windows:
+        grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
+        least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
+        C = rows.overpotentials
+        by_file_V = resistance_ratio * C.mean(axis=1)  # half of the resistance to a steady current at once, half slowly
+        to_ratios = C @ np.linalg.inv(C.T @ C + rows.charge.size * _PER_RATIO_V**2 * np.eye(2))
+        for capacity, offset_charge in product(capacities, rows.offset_charge):
+            moved = rows.charge / capacity - offset_charge
+            room = 1.0 - np.ptp(moved)
+            first = -moved.min() + (np.linspace(0.0, room, _STARTS) if room > 0.0 else np.array([0.5 * room]))
+            left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V) - by_file_V
+            ratios = left_V @ to_ratios
+            left_V -= ratios @ C.T
+            all_V2 = np.sort(left_V**2, axis=1)[:, :least_rows].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)
+            least_V2 = min(least_V2, float(all_V2.min()))
+            if least_V2 <= enough_V**2:
+                break
+        squares_V2.append(least_V2)
+    return float(np.sqrt(np.average(squares_V2, weights=[rows.voltage_V.size for rows in windows])))
 
 
-def _windows(log: Log, battery: Battery) -> Iterator[Log]:
+def _windows(log: Log, battery: Battery) -> list[_WindowMeans]:
     """Windows of the log without gaps, spread over it, of the samples with a credible current and voltage."""
     limits = sample_limits(battery.thevenin)
     credible = limits.is_current(log.current_A) & limits.is_voltage(log.voltage_V)
     credible &= log.voltage_V < limits.highest_ocv_V  # a charger holds its voltage above, whatever the charge
     known = np.flatnonzero(credible)
     if known.size < _FEWEST_WINDOW_ROWS:
-        return
+        return []
     time_s = log.time_s[known]
     after_gaps = 1 + np.flatnonzero(np.diff(time_s) > CURRENT_GAP_S)
     starts = window_starts(time_s, _LONGEST_WINDOW_S, time_s[0])
     edges = np.unique(np.concatenate([starts, after_gaps, [known.size]]))
     long = np.flatnonzero(np.diff(edges) >= _FEWEST_WINDOW_ROWS)
     chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]
-    for k in chosen:
-        at = known[edges[k] : edges[k + 1]]
-        yield Log(log.name, log.time_s[at], log.current_A[at], log.voltage_V[at])
+    samples = (known[edges[k] : edges[k + 1]] for k in chosen)
+    windows = (Log(log.name, log.time_s[at], log.current_A[at], log.voltage_V[at]) for at in samples)
+    return [rows for window in windows if (rows := _rows(window, battery))]
 
 
 def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
@@ -282,31 +317,8 @@ def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     return _WindowMeans(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
 
 
-def _unexplained_V2(
-    rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float, resistance_ratio: float
-) -> float:
-    """Mean square error [V^2] of the cell voltage by the curve and the overpotentials, at the best start."""
-    grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
-    least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
-    C = rows.overpotentials
-    by_file_V = resistance_ratio * C.mean(axis=1)  # half of the resistance to a steady current at once, half slowly
-    to_ratios = C @ np.linalg.inv(C.T @ C + rows.charge.size * _PER_RATIO_V**2 * np.eye(2))
-    for capacity, offset_charge in product(_CAPACITIES, rows.offset_charge):
-        moved = rows.charge / capacity - offset_charge
-        room = 1.0 - np.ptp(moved)
-        first = -moved.min() + (np.linspace(0.0, room, _STARTS) if room > 0.0 else np.array([0.5 * room]))
-        left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V) - by_file_V
-        ratios = left_V @ to_ratios
-        left_V -= ratios @ C.T
-        squares_V2 = np.sort(left_V**2, axis=1)[:, :least_rows].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)
-        least_V2 = min(least_V2, float(squares_V2.min()))
-        if least_V2 <= enough_V2:
-            break
-    return least_V2
-
-
 def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
-    """Contradictions of the log itself with the battery file, a sentence each."""
+    """Contradictions of the log itself with the battery file, a sentence each; but for a capacity, which is learnt."""
     found = (other_cells(log, battery), full_under_load(log, battery), unmeasured_charge(log, battery))
     return tuple(text for text in found if text)
 
@@ -329,8 +341,9 @@ def full_under_load(log: Log, battery: Battery) -> str:
 
 
 def with_contradictions(log: Log, battery: Battery) -> Log:
-    """The log with a warning of each contradiction with the battery file."""
-    return log.with_notes(*(Note(text, "warning") for text in contradictions(log, battery)))
+    """The log with a warning of each contradiction with the battery file, its capacity included."""
+    found = (*contradictions(log, battery), other_capacity(log, battery))
+    return log.with_notes(*(Note(text, "warning") for text in found if text))
 
 
 def unmeasured_charge(log: Log, battery: Battery) -> str:

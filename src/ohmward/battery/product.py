@@ -192,7 +192,7 @@ def _noise(batteries: Sequence[Battery], model: Thevenin, several: int) -> Batte
         capacity_known_std=math.hypot(rms("capacity_known_std"), capacity_std),
         resistance_std=math.hypot(rms("resistance_std"), resistance_std),
         activation_std_K=math.hypot(
-            rms("activation_std_K"), _apart([battery.thevenin.activation_K for battery in batteries])
+            rms("activation_std_K"), float(np.std([battery.thevenin.activation_K for battery in batteries], ddof=1))
         ),
         hysteresis_std=rms("hysteresis_std"),
         ocv_std_V_per_K=several * rms("ocv_std_V_per_K"),
@@ -209,8 +209,3 @@ def _spread(values: np.ndarray, usual: float) -> np.ndarray:
     """Spread (...) between batteries (n, ...), with the usual one as a prior."""
     squares = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
     return np.asarray(np.sqrt((_USUAL_COUNT * usual**2 + squares) / (_USUAL_COUNT + len(values) - 1)))
-
-
-def _apart(values: Sequence[float]) -> float:
-    """Standard deviation between batteries."""
-    return float(np.std(values, ddof=1))

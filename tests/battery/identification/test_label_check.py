@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
-from ohmward.battery.identification.log_details import label_notes, require_likely_cells
+from ohmward.battery.identification.identify import identify
+from ohmward.battery.identification.log_details import OTHER_CELLS, label_notes, unlikely_cells
 from ohmward.errors import InputError
+from ohmward.logs import Log
 
 NMC_OCV = start_model("nmc", 2.0).ocv
 
@@ -36,13 +38,15 @@ def test_a_contradiction_is_named_with_what_would_fit(voltage_V, name, n_series,
 
 @pytest.mark.parametrize(("voltage_V", "n_series"), [(12.8, 1), (2 * 3.3, 1), (13.2, 8)])
 def test_a_number_of_cells_far_from_the_voltage_is_refused(voltage_V, n_series):
+    log = Log("pack", np.arange(9.0), np.zeros(9), np.full(9, voltage_V))
     with pytest.raises(InputError, match=r"would fit \(--n-series, n_series=\)"):
-        require_likely_cells(np.full(9, voltage_V), "lfp", n_series)
+        identify(log, capacity_Ah=2.0, chemistry="lfp", n_series=n_series)
 
 
 def test_a_long_charge_is_not_refused():
     """Lead-acid cells at 2.45 V gas: 15 % above a full one at rest, which is told and no more."""
-    require_likely_cells(np.full(9, 6 * 2.45), "lead-acid", 6)
+    assert unlikely_cells(np.full(9, 6 * 2.45), "lead-acid", 6) != ""
+    assert unlikely_cells(np.full(9, 6 * 2.45), "lead-acid", 6, OTHER_CELLS) == ""
 
 
 @pytest.mark.parametrize(("name", "other"), [("lfp", "nmc"), ("nmc", "lfp")])

@@ -171,6 +171,14 @@ def test_the_shape_of_the_voltage_tells_the_number_of_cells():
     assert "4 cells in series explain its voltage better than 5, the n_series of the battery file" in note.text
 
 
+@pytest.mark.parametrize(("capacity_Ah", "named"), [(7.0, "1.5 times"), (15.0, ""), (20.0, "0.58 times")])
+def test_the_voltage_tells_another_capacity_but_not_an_aged_one(capacity_Ah, named):
+    """A day of 12 Ah."""
+    _, found = judged(generic_battery("lfp", capacity_Ah, 4), make_robot_day("lfp").mission, "coulomb")
+    assert len(found) == bool(named)
+    assert all(f"{named} the file's capacity explains its voltage better" in note.text for note in found)
+
+
 def test_another_number_of_cells_is_named_for_every_filter():
     day = make_robot_day("lfp").mission
     _, (note,) = judged(generic_battery("lfp", 12.0, 5), day, "coulomb")

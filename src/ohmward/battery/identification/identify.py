@@ -56,13 +56,14 @@ from ohmward.battery.identification.first_ocv import (
 )
 from ohmward.battery.identification.fit_samples import FitSamples, simulate, thin, thin_branch
 from ohmward.battery.identification.log_details import (
+    OTHER_CELLS,
     LogDetails,
     branch_fits,
     edge_notes,
     fit_notes,
     is_reproduced,
     label_notes,
-    require_likely_cells,
+    unlikely_cells,
 )
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
@@ -407,7 +408,8 @@ def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
         if not np.any(log.voltage_V > 0.0):
             raise InputError(f"log {log.name!r} has no voltage above 0; check its columns")
     voltage_V = np.concatenate([log.voltage_V for log in logs])
-    require_likely_cells(voltage_V, chemistry_name(settings.chemistry), settings.n_series)
+    if other := unlikely_cells(voltage_V, chemistry_name(settings.chemistry), settings.n_series, OTHER_CELLS):
+        raise InputError(f"{other} (--n-series, n_series=)")
 
 
 def cells_transfer_V(reference_degC: float, n_series: int) -> float:

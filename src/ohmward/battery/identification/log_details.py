@@ -23,7 +23,6 @@ from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
@@ -286,7 +285,7 @@ def branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
 
 #: Share by which usual voltages may lie beyond the curve: cells of one chemistry differ, and a log may be a charge. By
 #: this much they are of another number of cells.
-_BEYOND_CURVE, _OTHER_CELLS = 0.08, 0.5
+_BEYOND_CURVE, OTHER_CELLS = 0.08, 0.5
 
 #: Largest RMS error of the voltage over the range of the open-circuit voltage from empty to full. Files that estimate
 #: well reproduce tests of twenty cells, measured and of porous electrodes, to within 0.041.
@@ -304,24 +303,19 @@ def _range_V(ocv: OcvCurve) -> float:
 
 def fit_notes(logs: Sequence[LogDetails], fits: Sequence[LogFit], ocv: OcvCurve) -> tuple[Note, ...]:
     """A warning for each log that the circuit does not reproduce, and where gassing was left out."""
-    misfits = (_misfit(fit, ocv) for fit in fits if not is_reproduced(fit, ocv))
-    return (*(_gassing(log) for log in logs if log.gassing_share > 0.0), *misfits)
-
-
-def _misfit(fit: LogFit, ocv: OcvCurve) -> Note:
-    text = (
-        f"the model does not fit {fit.log!r}: its voltage is off by {fit.residual_rms_V:.3g} V RMS "
-        f"where empty and full are {_range_V(ocv):.3g} V apart; {OTHER_FILE}"
-    )
-    return Note(text, "warning")
-
-
-def _gassing(log: LogDetails) -> Note:
-    text = (
+    gassing = [
         f"{log.gassing_share:.0%} of {log.record.log.name!r} lie above {log.model.gassing_V:.4g} V, where the battery "
         "gases: no circuit models that, the voltage error leaves it out, and the filters do not use it"
-    )
-    return Note(text)
+        for log in logs
+        if log.gassing_share > 0.0
+    ]
+    misfits = [
+        f"the model does not fit {fit.log!r}: its voltage is off by {fit.residual_rms_V:.3g} V RMS "
+        f"where empty and full are {_range_V(ocv):.3g} V apart; {OTHER_FILE}"
+        for fit in fits
+        if not is_reproduced(fit, ocv)
+    ]
+    return (*map(Note, gassing), *(Note(text, "warning") for text in misfits))
 
 
 def label_notes(voltage_V: np.ndarray, ocv: OcvCurve, chemistry: str, n_series: int) -> tuple[Note, ...]:
@@ -329,30 +323,19 @@ def label_notes(voltage_V: np.ndarray, ocv: OcvCurve, chemistry: str, n_series: 
 
     voltage_V: (T,) of all logs.  ocv: identified from them.  chemistry: "" if unknown.
     """
-    if not chemistry:
-        return ()
     contradiction = unlikely_cells(voltage_V, chemistry, n_series)
     if not contradiction and (differs := chemistry_contradiction(chemistry, [V / n_series for V in ocv.voltage_V])):
         contradiction = f"the identified open-circuit voltage {differs}"
     return (Note(contradiction, "warning"),) if contradiction else ()
 
 
-def require_likely_cells(voltage_V: np.ndarray, chemistry: str, n_series: int) -> None:
-    """Refuse a number of cells that is far from that of the logs, as 1 for a pack; as `label_notes`.
-
-    Raises:
-        InputError: the usual voltage of a cell would be half as much again as that of a full one, or a third below
-            that of an empty one.
-    """
-    if chemistry and (contradiction := unlikely_cells(voltage_V, chemistry, n_series, _OTHER_CELLS)):
-        raise InputError(f"{contradiction} (--n-series, n_series=)")
-
-
 def unlikely_cells(voltage_V: np.ndarray, chemistry: str, n_series: int, beyond: float = _BEYOND_CURVE) -> str:
     """Contradiction of the usual voltage of the logs with this many cells of this chemistry; "" for none.
 
-    beyond: share by which it may lie outside the curve.
+    voltage_V, chemistry: as in `label_notes`.  beyond: share by which it may lie outside the curve.
     """
+    if not chemistry:
+        return ""
     empty_V, *_, full_V = CHEMISTRIES[chemistry].ocv_V
     usual_V = float(np.nanmedian(voltage_V))
     if empty_V / (1 + beyond) <= usual_V / n_series <= (1 + beyond) * full_V:

@@ -4,7 +4,7 @@ With a file of another battery, chemistry or capacity, or a current of the wrong
 voltage by whatever state may be in error, and is confident. Four signs are in its estimates: an offset that the
 current sensor cannot have, a capacity that no such battery has, innovations that stay larger than the filter expects,
 and a state of charge that leaves its own band although hardly any charge flowed. Two are in the log itself: another
-number of cells explains the voltage, or the current misses a charge.
+number of cells or capacity explains the voltage, or the current misses a charge.
 
 A spike of the voltage says nothing about the file. An innovation outside the gate counts as its limit, so that only
 errors over a large share of the time make a misfit.
@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.log_check import OTHER_FILE, contradictions
+from ohmward.battery.log_check import OTHER_FILE, contradictions, other_capacity
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag
@@ -57,9 +57,12 @@ def misfits(
 
     settings, estimates: of the estimator that ran over the log. Only filters that have the errors of sensor and model
         as states are judged; the innovations of others are always larger than they expect.
-    in_itself: False leaves out estimates that contradict themselves: learning from the log may cure that.
+    in_itself: False leaves out estimates that contradict themselves and another capacity: learning from the log may
+        cure these.
     """
     found = list(contradictions(log, battery))
+    if in_itself and (capacity := other_capacity(log, battery)):
+        found.append(capacity)
     if carries_errors(settings) and (needed := _needed(battery, log, settings, estimates, in_itself)):
         found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
