@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from cli.drives import write_drive
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.embedded.twin import FLAGS
 
@@ -55,6 +57,12 @@ def test_the_comparison_is_with_what_was_exported(here, as_json, capsys):
     assert found["differences"]["soc"] < 1e-4
     for other in (options[:4], options[:2] + options[4:]):
         assert as_json(*words, *other)["differences"]["soc"] > 10 * found["differences"]["soc"]
+
+
+def test_a_battery_file_of_another_capacity_is_told(library, as_json):
+    save_battery(generic_battery("nmc", 5.0, 3), "other.toml")
+    notes = as_json("twin", "firmware", "day.csv", "--battery", "other.toml", "--filter", "textbook-ekf")["notes"]
+    assert "warning: 2 times the file's capacity explains its voltage better" in str(notes)
 
 
 def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys):

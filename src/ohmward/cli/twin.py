@@ -6,6 +6,7 @@ import argparse
 import time
 from typing import Any, NamedTuple
 
+from ohmward.battery.log_check import with_contradictions
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.battery.soc.fit_check import voltage_missed
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
@@ -70,7 +71,8 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
         battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
         curve_V = curve_error_of_pack_V(battery, args.curve_error)
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
-        return replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
+        export = battery_export(battery, args.filter, twin.name, **given, **exported)
+        return replay._replace(log=with_contradictions(log, battery), export=export)
     if _DRIVE not in members:
         raise InputError(
             f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.embedded.Twin in Python"
