@@ -317,9 +317,11 @@ def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     return _WindowMeans(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
 
 
-def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
-    """Contradictions of the log itself with the battery file, a sentence each; but for a capacity, which is learnt."""
-    found = (other_cells(log, battery), full_under_load(log, battery), unmeasured_charge(log, battery))
+def contradictions(log: Log, battery: Battery, of_capacity: bool = True) -> tuple[str, ...]:
+    """Contradictions of the log itself with the battery file, a sentence each; of_capacity: with its capacity too."""
+    found = [other_cells(log, battery), full_under_load(log, battery), unmeasured_charge(log, battery)]
+    if of_capacity:
+        found.append(other_capacity(log, battery))
     return tuple(text for text in found if text)
 
 
@@ -341,9 +343,8 @@ def full_under_load(log: Log, battery: Battery) -> str:
 
 
 def with_contradictions(log: Log, battery: Battery) -> Log:
-    """The log with a warning of each contradiction with the battery file, its capacity included."""
-    found = (*contradictions(log, battery), other_capacity(log, battery))
-    return log.with_notes(*(Note(text, "warning") for text in found if text))
+    """The log with a warning of each contradiction with the battery file."""
+    return log.with_notes(*(Note(text, "warning") for text in contradictions(log, battery)))
 
 
 def unmeasured_charge(log: Log, battery: Battery) -> str:

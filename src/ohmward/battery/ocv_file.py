@@ -83,23 +83,17 @@ def in_series(given: GivenOcv, voltage_V: np.ndarray, n_series: int) -> GivenOcv
         InputError: the usual voltage of the logs is more than 10 % beyond both.
     """
     usual_V = float(np.nanmedian(voltage_V))
+    low_V, high_V = given.curve.voltage_V[0], given.curve.voltage_V[-1]
     for cells in dict.fromkeys((1, n_series)):
-        if _covers(given.curve, cells, usual_V):
+        if (1 - _OVERPOTENTIAL) * low_V <= usual_V / cells <= (1 + _OVERPOTENTIAL) * high_V:
             text = f"the given OCV curve was assumed to be that of one cell and multiplied by {cells}"
             notes = (*given.notes, Note(text)) if cells > 1 else given.notes
             return given._replace(curve=given.curve.scaled(cells) if cells > 1 else given.curve, notes=notes)
-    low_V, high_V = given.curve.voltage_V[0], given.curve.voltage_V[-1]
     raise InputError(
         f"the given OCV curve runs from {low_V:.4g} to {high_V:.4g} V, but the logs usually show {usual_V:.4g} V with "
         f"n_series = {n_series}; give the curve of one cell and the number of cells in series (--n-series, n_series=), "
         "or the curve of the whole pack, in volts"
     )
-
-
-def _covers(curve: OcvCurve, cells: int, usual_V: float) -> bool:
-    """True where the voltage lies on the curve of this many cells, or within 10 % of it."""
-    low_V, high_V = cells * curve.voltage_V[0], cells * curve.voltage_V[-1]
-    return (1 - _OVERPOTENTIAL) * low_V <= usual_V <= (1 + _OVERPOTENTIAL) * high_V
 
 
 def _order(table: OcvTable) -> np.ndarray:

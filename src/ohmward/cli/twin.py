@@ -71,8 +71,8 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
         battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
         curve_V = curve_error_of_pack_V(battery, args.curve_error)
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
-        export = battery_export(battery, args.filter, twin.name, **given, **exported)
-        return replay._replace(log=with_contradictions(log, battery), export=export)
+        replay = replay._replace(log=with_contradictions(log, battery))
+        return replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
     if _DRIVE not in members:
         raise InputError(
             f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.embedded.Twin in Python"

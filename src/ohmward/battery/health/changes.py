@@ -50,11 +50,6 @@ class SuddenChange(NamedTuple):
     resistance: Normal
     cause: Cause  #: most likely
 
-    @property
-    def is_of_battery(self) -> bool:
-        """True where the battery itself may have changed."""
-        return self.cause in ("battery", "exchange", "unknown")
-
 
 class Outlier(NamedTuple):
     """A single log whose capacity is off the trend, by how many standard deviations, and the likely cause."""
@@ -83,7 +78,8 @@ def find_change(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange |
 def without_change(track: Track, step: SuddenChange) -> Track:
     """Remove a step from the track: from the logs before it if the battery itself changed, else from those after."""
     after = track.days >= step.days
-    shift = np.where(after, 0.0, step.capacity.mean) if step.is_of_battery else np.where(after, -step.capacity.mean, 0)
+    of_battery = step.cause in ("battery", "exchange", "unknown")
+    shift = np.where(after, 0.0, step.capacity.mean) if of_battery else np.where(after, -step.capacity.mean, 0)
     return track._replace(value=track.value + shift, std=np.hypot(track.std, np.where(shift, step.capacity.std, 0.0)))
 
 

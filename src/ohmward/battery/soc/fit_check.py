@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.log_check import OTHER_FILE, contradictions, other_capacity
+from ohmward.battery.log_check import OTHER_FILE, contradictions
 from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, carries_errors
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag
@@ -60,9 +60,7 @@ def misfits(
     in_itself: False leaves out estimates that contradict themselves and another capacity: learning from the log may
         cure these.
     """
-    found = list(contradictions(log, battery))
-    if in_itself and (capacity := other_capacity(log, battery)):
-        found.append(capacity)
+    found = list(contradictions(log, battery, of_capacity=in_itself))
     if carries_errors(settings) and (needed := _needed(battery, log, settings, estimates, in_itself)):
         found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
