@@ -217,6 +217,15 @@ def test_hypotheses_hold_the_same_voltages_to_be_false(offset_V):
     assert np.abs(false.soc - good.soc).max() < 0.02
 
 
+def test_a_noise_that_the_file_does_not_expect_decides_between_no_hypotheses():
+    day = make_robot_day("lfp").mission.between(0.0, 3 * 3600.0)
+    noise_V = np.random.default_rng(4).normal(0.0, 0.1, len(day.time_s))
+    noise_V[0] = 0.0
+    label = generic_battery("lfp", 12.0, 4)
+    good, noisy = (SocEstimator(label).run(replace(day, voltage_V=day.voltage_V + k * noise_V)) for k in (0, 1))
+    assert np.abs(noisy.soc - good.soc).max() < 0.05
+
+
 def test_a_given_state_of_charge_is_no_jump_of_the_voltage():
     estimator = SocEstimator(generic_battery("nmc", 2.0), 0.5)
     columns = samples(TRUTH)
@@ -230,7 +239,7 @@ def test_a_given_state_of_charge_is_no_jump_of_the_voltage():
 def test_a_level_is_left_at_once_and_found_again():
     level = VoltageLevel(0.01, 0.0, 100.0, 1e-4)
     assert not bool(level.leaves(0.06, 0.0026)) and bool(level.leaves(0.07, 0.0026))
-    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_)
+    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_, 5e-5)
     assert (float(away.mean_V), float(away.trusted_s)) == (0.01, 98.0)
     assert float(away.away_V) == pytest.approx(0.06)
     assert bool(away.leaves(0.045, 1.0)) and not bool(away.leaves(0.035, 1.0))

@@ -19,7 +19,7 @@ BATTERY = generic_battery("nmc", 2.0)
 OPERATIONS = {
     "textbook-ekf": (149, 241),
     "ekf": (1697, 2341),
-    "gsf": (4441, 2959),
+    "gsf": (4454, 2968),
     "ukf": (5106, 8602),
 }
 

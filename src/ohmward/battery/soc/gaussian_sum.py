@@ -129,8 +129,10 @@ class GaussianSumFilter:
         ]
         accepted = reduce(or_, (step.update.accepted for step in steps))
         walk_A2 = self.walk_variance(state.walk_A2, taken.sample)
+        noise_V2 = reduce(minimum, (member.level.noise_V2(taken.sample.dt_s) for member in state.members))
+        unforeseen_V2 = maximum(noise_V2 - self.member.noise.voltage_std_V**2, 0.0)
         evidence = [
-            self.evidence(member, step.update, walk_A2, taken.sample)
+            self.evidence(member, step.update, walk_A2, unforeseen_V2, taken.sample)
             for member, step in zip(state.members, steps, strict=True)
         ]
         _, forgetting = self.system.error_decays(taken.sample.mean.current_A, taken.sample)
@@ -150,7 +152,12 @@ class GaussianSumFilter:
         return np.array([now_A2 + a * a * (old - now_A2) for a, old in zip(decays, before_A2, strict=True)])
 
     def evidence(
-        self, before: FilterState, update: TheveninUpdate, walk_A2: np.ndarray, clean: CleanSocSample
+        self,
+        before: FilterState,
+        update: TheveninUpdate,
+        walk_A2: np.ndarray,
+        unforeseen_V2: Scalar,
+        clean: CleanSocSample,
     ) -> Scalar:
         """Log likelihood of the hypothesis of this filter; see `log_likelihood`."""
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
@@ -161,7 +168,7 @@ class GaussianSumFilter:
         staying_V2 = staying_V2 + update.error.axis_std_V**2 * self.variance_after(before, "axis_error", model_decay)
         staying_V2 = staying_V2 + update.error.level_std_V**2 * self.variance_after(before, "level_error", level_decay)
         staying_V2 = staying_V2 + update.error.gain_std_V**2 * self.variance_after(before, "voltage_gain_error", 1.0)
-        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - model_decay**2)
+        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - model_decay**2, unforeseen_V2=unforeseen_V2)
         return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
 
     def variance_after(self, before: FilterState, name: str, decay: Scalar) -> Scalar:
@@ -248,6 +255,7 @@ class Widths(NamedTuple):
     renewed_V2: Scalar = 0.0  #: from the state, what the process noise restores after every update [V^2]
     staying_V2: Scalar = 0.0  #: from the errors of the model, which stay while SoC stays [V^2]
     moved_on: Scalar = 1.0  #: share of that error which is new with this sample, in [0, 1]
+    unforeseen_V2: Scalar = 0.0  #: of the noise from sample to sample beyond the one that the model expects [V^2]
 
 
 def log_likelihood(
@@ -263,6 +271,9 @@ def log_likelihood(
     The density of one sample to the power of 1/w, averaged over the part of the state that stays: one observation in
     every w samples, as in the update. As a part of the state f would be penalised at every sample, and favour the
     hypothesis with the least resistance. With w = 1 it is ln N(nu; 0, S).
+
+    White noise beyond v is in nu^2 at every sample, not once in w, and would favour the hypothesis with the largest S:
+    its variance, as the innovations show it, is subtracted from nu^2.
 
     The errors that stay while SoC stays, e in S and b in v, make the voltage uncertain where the curve is steep, and
     that is no new information as long as SoC stays. Penalised at every observation they would rule out any hypothesis
@@ -285,4 +296,4 @@ def log_likelihood(
     passing_V2 = maximum(error.variance - error.uncertain_V2 - error.tangent_V2, _LEAST_V2) + f
     passing = log((S - e) / R) + log(passing_V2) / w
     staying = log(S / (S - e)) + log((error.variance + f) / passing_V2)
-    return -0.5 * (minimum(nu * nu / S, largest_nis) + passing + widths.moved_on * staying)
+    return -0.5 * (minimum((nu * nu - widths.unforeseen_V2) / S, largest_nis) + passing + widths.moved_on * staying)

@@ -371,13 +371,13 @@ class TheveninFilter:
 
         correction = METHODS[self.method].correct(prior, y, measured, R)
         has_voltage = clean.voltage_measured & logical_not(anchored)
-        level = state.level._replace(square_V2=maximum(state.level.square_V2, self.least_square_V2))
+        usual_V2 = maximum(state.level.square_V2, self.least_square_V2)
         change_A = maximum(abs(clean.change_A), abs(clean.now.current_A - state.held.current_A))
         drop_V = error.total_ohm * change_A
         sample_V2 = correction.innovation.cov[0, 0] - (R[0, 0] - error.variance)
-        expected_V2 = JUMP_SIGMAS**2 * level.square_V2 + drop_V * drop_V + sample_V2
-        leaves = has_voltage & level.leaves(correction.innovation.value[0], expected_V2)
-        return Foresight(prior, event, 0.0, error, R[0, 0], correction, level, has_voltage, leaves)
+        expected_V2 = JUMP_SIGMAS**2 * usual_V2 + drop_V * drop_V + sample_V2
+        leaves = has_voltage & state.level.leaves(correction.innovation.value[0], expected_V2)
+        return Foresight(prior, event, 0.0, error, R[0, 0], correction, state.level, has_voltage, leaves)
 
     @property
     def least_square_V2(self) -> float:
@@ -411,7 +411,12 @@ class TheveninFilter:
             error=choose(anchored, VoltageError(0.0, error.variance, error.weight), error),
             evidence=evidence,
             level=foresight.level.after(
-                nu, nu * R / correction.innovation.cov[0, 0], clean.dt_s, foresight.measured, left
+                nu,
+                nu * R / correction.innovation.cov[0, 0],
+                clean.dt_s,
+                foresight.measured,
+                left,
+                self.least_square_V2,
             ),
         )
 

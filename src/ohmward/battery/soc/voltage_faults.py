@@ -75,6 +75,10 @@ class VoltageLevel(NamedTuple):
         """True while the voltage is away from its level."""
         return abs(self.away_V) > 0.0
 
+    def noise_V2(self, dt_s: Scalar) -> Scalar:
+        """Variance of the noise from sample to sample that it shows: the mean has a part of it, too."""
+        return self.square_V2 * (1.0 - 0.5 * dt_s / (dt_s + LEVEL_S))
+
     def leaves(self, innovation_V: Scalar, expected_V2: Scalar) -> Any:
         """True for an innovation that jumps, or has not come back; expected_V2: square of the largest that is no jump.
 
@@ -84,22 +88,26 @@ class VoltageLevel(NamedTuple):
         still_V2 = BACK_SHARE * BACK_SHARE * self.away_V * self.away_V
         return (off_V * off_V > where(self.is_away, still_V2, expected_V2)) & (self.trusted_s > 0.0)
 
-    def after(self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any) -> VoltageLevel:
+    def after(
+        self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any, least_V2: float
+    ) -> VoltageLevel:
         """The level after a voltage.
 
         residual_V: what is left of the innovation once the voltage has been used.
         left: the condition that it is held to be none of the battery's.
+        least_V2: least mean square deviation.
         """
         off_V = innovation_V - self.mean_V
         used = measured & logical_not(left)
         newest = where(self.trusted_s > 0.0, dt_s / (dt_s + LEVEL_S), 1.0)
         usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + USUAL_S), 0.0)
+        most_V2 = 9.0 * maximum(self.square_V2, least_V2)
         change_s = where(used, dt_s, where(left, -dt_s, 0.0))
         return VoltageLevel(
             self.mean_V + where(used, newest, 0.0) * (residual_V - self.mean_V),
             where(left, where(self.is_away, self.away_V, off_V), 0.0),
             minimum(self.trusted_s + change_s, MOST_TRUSTED_S),
-            self.square_V2 + usual * (minimum(off_V * off_V, 9.0 * self.square_V2) - self.square_V2),
+            self.square_V2 + usual * (minimum(off_V * off_V, most_V2) - self.square_V2),
         )
 
 
