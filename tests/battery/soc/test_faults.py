@@ -16,7 +16,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.battery.soc.voltage_faults import JUMP_LASTS_S, JUMP_SHARE, VoltageLevel
+from ohmward.battery.soc.voltage_faults import JUMP_SHARE, LevelLimits, VoltageLevel
 from ohmward.filters.belief import unpack
 
 NOISE = BatteryNoise()
@@ -191,9 +191,8 @@ def test_a_jump_is_used_once_it_has_lasted_as_long_as_the_level_before():
     columns.voltage_V[begin:] -= 0.5
     _, estimates = run("ekf", columns)
     rejected = flagged(estimates, SocFlag.VOLTAGE_REJECTED)
-    lasted = begin + int(JUMP_LASTS_S) + begin
+    lasted = begin + begin
     assert rejected[: lasted - begin - 10].tolist() == list(range(begin, lasted - 10))
-    assert np.isfinite(estimates.innovation_V[begin + int(JUMP_LASTS_S) :]).all()
     assert flagged(estimates, SocFlag.DIVERGED)[0] >= lasted - 10
 
 
@@ -237,13 +236,18 @@ def test_a_given_state_of_charge_is_no_jump_of_the_voltage():
 
 
 def test_a_level_is_left_at_once_and_found_again():
-    level = VoltageLevel(0.01, 0.0, 100.0, 1e-4)
-    assert not bool(level.leaves(0.06, 0.0026)) and bool(level.leaves(0.07, 0.0026))
-    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_, 5e-5)
+    level, limits = VoltageLevel(0.01, 0.0, 100.0, 1e-4), LevelLimits(5e-5, 0.2**2)
+    assert not bool(level.leaves(0.06, 0.0, 0.01, limits)) and bool(level.leaves(0.07, 0.0, 0.01, limits))
+    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_, limits)
     assert (float(away.mean_V), float(away.trusted_s)) == (0.01, 98.0)
     assert float(away.away_V) == pytest.approx(0.06)
-    assert bool(away.leaves(0.045, 1.0)) and not bool(away.leaves(0.035, 1.0))
-    assert not bool(away._replace(trusted_s=0.0).leaves(0.07, 1.0))
+    assert bool(away.leaves(0.045, 1.0, 1.0, limits)) and not bool(away.leaves(0.035, 0.0, 0.0, limits))
+    assert not bool(away._replace(trusted_s=0.0).leaves(0.07, 0.0, 0.0, limits))
+
+
+def test_a_large_jump_leaves_even_an_uncertain_level():
+    level, limits = VoltageLevel(0.01, 0.0, 100.0, 1.0), LevelLimits(5e-5, 0.2**2)
+    assert not bool(level.leaves(0.2, 1.0, 0.0, limits)) and bool(level.leaves(0.22, 1.0, 0.0, limits))
 
 
 @pytest.mark.parametrize("lag", [0, 1])

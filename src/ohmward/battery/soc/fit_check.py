@@ -40,7 +40,7 @@ AFTER_EMPTY_SOC, MOST_AFTER_EMPTY = 0.02, 0.15
 MOST_MOVED, MOST_COUNTED, COUNTED_STD = 3.5, 0.1, 0.2
 #: Number of estimates along a log that are compared, and how many with all before them at once, so that the tables stay
 #: in the cache; none across samples with these flags.
-_COMPARED, _AT_ONCE = 500, 64
+_COMPARED, _WITH_ALL_BEFORE = 500, 64
 _APART = SocFlag.GAP | SocFlag.RESTARTED | SocFlag.DIVERGED | SocFlag.NO_CURRENT | SocFlag.EXCHANGED
 #: A filter with the right battery misses half of the voltages by less than this share of them.
 MOST_MISSED = 0.05
@@ -140,8 +140,8 @@ def moved_uncounted(
     uncounted, soc_std = estimates.soc[rows] - counted, estimates.soc_std[rows]
     offset_std_per_s = sensor.offset_std_A / SECONDS_PER_HOUR / capacity_Ah
     most = 0.0
-    for first in range(0, len(rows), _AT_ONCE):
-        now, before = slice(first, first + _AT_ONCE), slice(first + _AT_ONCE)
+    for first in range(0, len(rows), _WITH_ALL_BEFORE):
+        now, before = slice(first, first + _WITH_ALL_BEFORE), slice(first + _WITH_ALL_BEFORE)
         apart = np.subtract.outer(uncounted[now], uncounted[before])
         counted_std = COUNTED_STD * np.subtract.outer(counted[now], counted[before])
         offset_std = offset_std_per_s * np.subtract.outer(time_s[now], time_s[before])

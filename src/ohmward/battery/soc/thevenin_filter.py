@@ -34,16 +34,7 @@ from ohmward.battery.soc.clean_sample import (
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.battery.soc.voltage_faults import (
-    JUMP_LASTS_S,
-    JUMP_S,
-    JUMP_SIGMAS,
-    USUAL_SHARE,
-    HeldVoltage,
-    VoltageLevel,
-    without_frozen,
-    without_jump,
-)
+from ohmward.battery.soc.voltage_faults import JUMP_S, HeldVoltage, LevelLimits, VoltageLevel, without_frozen
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
@@ -51,7 +42,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, where
+from ohmward.trace import clip, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 #: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
@@ -74,9 +65,9 @@ class FilterState(NamedTuple):
     unknown_s: Scalar  #: time for which the current has not been known
     anchors: AnchorMemory  #: memory for the events that anchor SoC
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
-    held: HeldVoltage = HeldVoltage()  #: memory for a voltage that jumps or stands still
+    held: HeldVoltage = HeldVoltage()  #: memory for a voltage that stands still
     evidence: CapacityEvidence = CapacityEvidence()  #: what voltages and events have shown of the capacity
-    level: VoltageLevel = VoltageLevel()  #: memory for a voltage that jumps by less
+    level: VoltageLevel = VoltageLevel()  #: memory for a voltage that jumps
 
     @property
     def members(self) -> tuple[FilterState]:
@@ -234,8 +225,7 @@ class TheveninFilter:
             mean[j], cov[j, SOC], cov[SOC, j] = a * start.model_error, a * start.covariance, a * start.covariance
             for k, b in errors.items():
                 cov[j, k] = cov[j, k] + a * b * news
-        used = self.limits.is_voltage(first.voltage_V)
-        held = state.held._replace(jumped_V=where(used, first.voltage_V, -1.0), jumped_s=JUMP_LASTS_S)
+        held = state.held._replace(voltage_V=where(self.limits.is_voltage(first.voltage_V), first.voltage_V, -1.0))
         return state._replace(belief=pack(Belief(mean, cov)), held=held)
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
@@ -243,7 +233,7 @@ class TheveninFilter:
         u = first_input(first, self.limits.current_A)
         belief = pack(self.system.start(soc, soc_std, u))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        held = HeldVoltage(current_A=u.current_A)
+        held = HeldVoltage(load_A=minimum(u.current_A, 0.0), current_A=u.current_A)
         return FilterState(
             belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory(), u.unknown_K, held
         )
@@ -321,8 +311,7 @@ class TheveninFilter:
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
-        before, credible = without_jump(state.held, self.sanitize(state, sample), self.model)
-        held, misled, clean = without_frozen(before, credible, self.model, self.noise)
+        held, misled, clean = without_frozen(state.held, self.sanitize(state, sample), self.model, self.noise)
         find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_end
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
@@ -371,18 +360,16 @@ class TheveninFilter:
 
         correction = METHODS[self.method].correct(prior, y, measured, R)
         has_voltage = clean.voltage_measured & logical_not(anchored)
-        usual_V2 = maximum(state.level.square_V2, self.least_square_V2)
+        nu, sample_V2 = correction.innovation.value[0], correction.innovation.cov[0, 0] - (R[0, 0] - error.variance)
         change_A = maximum(abs(clean.change_A), abs(clean.now.current_A - state.held.current_A))
-        drop_V = error.total_ohm * change_A
-        sample_V2 = correction.innovation.cov[0, 0] - (R[0, 0] - error.variance)
-        expected_V2 = JUMP_SIGMAS**2 * usual_V2 + drop_V * drop_V + sample_V2
-        leaves = has_voltage & state.level.leaves(correction.innovation.value[0], expected_V2)
+        leaves = state.level.leaves(nu, sample_V2, error.total_ohm * change_A, self.level_limits)
+        leaves = has_voltage & (leaves | (state.held.voltage_V < 0.0))  # the first one may be false
         return Foresight(prior, event, 0.0, error, R[0, 0], correction, state.level, has_voltage, leaves)
 
-    @property
-    def least_square_V2(self) -> float:
-        """Least mean square deviation of the innovation from its level [V^2]."""
-        return 2.0 * self.noise.voltage_std_V**2 + (USUAL_SHARE * self.model.ocv.voltage_V[-1]) ** 2
+    @cached_property
+    def level_limits(self) -> LevelLimits:
+        """Limits for the steps of the innovation."""
+        return LevelLimits.of(self.model, self.noise)
 
     def correct(self, state: FilterState, foresight: Foresight, clean: CleanSocSample, left: Any) -> TheveninUpdate:
         """The belief after the voltage of the step; at a full charge or a cut-off, SoC is measured in its place.
@@ -416,7 +403,7 @@ class TheveninFilter:
                 clean.dt_s,
                 foresight.measured,
                 left,
-                self.least_square_V2,
+                self.level_limits,
             ),
         )
 

@@ -4,9 +4,8 @@ The voltage of a battery changes at once by the drop of its current alone; anoth
 converter or a message. Used, it decides between hypotheses that are all far from it, and as the first voltage it starts
 an estimate at the wrong state of charge.
 
-Large jumps are found in the voltage itself, smaller ones in its innovation: a wire that comes loose moves it at once,
-an error of the state of charge or of the curve never does. Neither side of a jump is known to be the true one: the one
-that has lasted longer counts.
+Jumps are found in the innovation: a wire that comes loose moves it at once, an error of the state of charge or of the
+curve never does. Neither side of a jump is known to be the true one: the one that has lasted longer counts.
 """
 
 from __future__ import annotations
@@ -43,23 +42,35 @@ FROZEN_S = 60.0
 #: that the change of the current causes, within this time [s].
 JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
 
-#: One that jumped is used once it has lasted for this long [s]: three samples in a row of a log at 0.1 Hz.
-JUMP_LASTS_S = 30.0
-#: A start is settled after that time, and this many samples: a few wrong ones at 0.1 Hz last as long.
-SETTLED_AFTER = 10
+#: A start is settled after this time [s], and this many samples: a few wrong ones at 0.1 Hz last as long.
+START_SETTLED_S, START_SETTLED_AFTER = 30.0, 10
 #: Samples in which that is sought before the whole log is looked at.
 _FIRST_LOOKED_AT = 4096
 
-
-#: An innovation jumps if it leaves its mean over `LEVEL_S` by this many of its usual deviations, these over `USUAL_S`
-#: [s] but not below the noise and this share of the voltage of the full battery. Beyond that it may leave by the drop
-#: of the last changes of the current: the resistance may be wrong, and the voltage may lag.
-JUMP_SIGMAS, LEVEL_S, USUAL_S, USUAL_SHARE = 5.0, 5.0, 30.0, 0.002
+#: An innovation jumps if it leaves its mean over `LEVEL_S` [s] by this many of its usual deviations, these over
+#: `DEVIATION_S` [s] but not below the noise and this share of the voltage of the full battery, or by `JUMP_SHARE`.
+#: Beyond that it may leave by the drop of the last changes of the current: the resistance may be wrong, and the voltage
+#: may lag.
+LEAVES_SIGMAS, LEVEL_S, DEVIATION_S, LEAST_DEVIATION_SHARE = 5.0, 5.0, 30.0, 0.002
 #: One that jumped has come back where less than this share of the jump is left.
 BACK_SHARE = 0.5
 #: It is used all the same once it has been away for as long as it had kept its level before, but at most this [s]:
 #: by then the charge counted meanwhile is no better.
 MOST_TRUSTED_S = 1800.0
+
+
+class LevelLimits(NamedTuple):
+    """Limits of a battery for the steps of the innovation [V^2]."""
+
+    least_V2: float  #: least mean square deviation from the level
+    jump_V2: float  #: square of a step that is a jump, however uncertain the innovation is
+
+    @classmethod
+    def of(cls, model: Thevenin, noise: BatteryNoise) -> LevelLimits:
+        """The limits for a battery."""
+        full_V = model.ocv.voltage_V[-1]
+        least_V2 = 2.0 * noise.voltage_std_V**2 + (LEAST_DEVIATION_SHARE * full_V) ** 2
+        return cls(least_V2, (JUMP_SHARE * full_V) ** 2)
 
 
 class VoltageLevel(NamedTuple):
@@ -79,29 +90,30 @@ class VoltageLevel(NamedTuple):
         """Variance of the noise from sample to sample that it shows: the mean has a part of it, too."""
         return self.square_V2 * (1.0 - 0.5 * dt_s / (dt_s + LEVEL_S))
 
-    def leaves(self, innovation_V: Scalar, expected_V2: Scalar) -> Any:
-        """True for an innovation that jumps, or has not come back; expected_V2: square of the largest that is no jump.
+    def leaves(self, innovation_V: Scalar, uncertain_V2: Scalar, drop_V: Scalar, limits: LevelLimits) -> Any:
+        """True for an innovation that jumps, or has not come back: it has where the rest of the jump is small.
 
-        It has come back where the rest of the jump is small.
+        uncertain_V2: variance of the innovation.  drop_V: by the last changes of the current.
         """
         off_V = innovation_V - self.mean_V
+        usual_V2 = LEAVES_SIGMAS**2 * maximum(self.square_V2, limits.least_V2) + uncertain_V2
+        jump_V2 = minimum(usual_V2, limits.jump_V2) + drop_V * drop_V
         still_V2 = BACK_SHARE * BACK_SHARE * self.away_V * self.away_V
-        return (off_V * off_V > where(self.is_away, still_V2, expected_V2)) & (self.trusted_s > 0.0)
+        return (off_V * off_V > where(self.is_away, still_V2, jump_V2)) & (self.trusted_s > 0.0)
 
     def after(
-        self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any, least_V2: float
+        self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any, limits: LevelLimits
     ) -> VoltageLevel:
         """The level after a voltage.
 
         residual_V: what is left of the innovation once the voltage has been used.
         left: the condition that it is held to be none of the battery's.
-        least_V2: least mean square deviation.
         """
         off_V = innovation_V - self.mean_V
         used = measured & logical_not(left)
         newest = where(self.trusted_s > 0.0, dt_s / (dt_s + LEVEL_S), 1.0)
-        usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + USUAL_S), 0.0)
-        most_V2 = 9.0 * maximum(self.square_V2, least_V2)
+        usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + DEVIATION_S), 0.0)
+        most_V2 = 9.0 * maximum(self.square_V2, limits.least_V2)
         change_s = where(used, dt_s, where(left, -dt_s, 0.0))
         return VoltageLevel(
             self.mean_V + where(used, newest, 0.0) * (residual_V - self.mean_V),
@@ -112,14 +124,12 @@ class VoltageLevel(NamedTuple):
 
 
 class HeldVoltage(NamedTuple):
-    """The last voltage, for how long it has stood still to the last digit, and one that jumped away from it."""
+    """The last voltage, and for how long it has stood still to the last digit."""
 
     voltage_V: Scalar = -1.0  #: last voltage used; at the start one that no battery has
     load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
     used_s: Scalar = 0.0  #: time for which that voltage has been used since it first came
     frozen: Scalar = 0.0  #: 1 where the load has changed too much meanwhile for the sensor to be alive
-    jumped_V: Scalar = -1.0  #: last voltage after a jump; without a jump one that no battery has
-    jumped_s: Scalar = 0.0  #: time for which the voltage after a jump has lasted
     current_A: Scalar = 0.0  #: current of the sample before the last
 
 
@@ -134,26 +144,6 @@ def is_alike(clean: CleanSocSample, before_V: Scalar, earlier_A: Scalar, model: 
     rise_V = most_ohm * maximum(maximum(clean.change_A, lagging_A), 0.0)
     noise_V = JUMP_SHARE * model.ocv.voltage_V[-1]
     return between(clean.voltage_V - before_V, fall_V - noise_V, rise_V + noise_V)
-
-
-def without_jump(before: HeldVoltage, clean: CleanSocSample, model: Thevenin) -> tuple[HeldVoltage, CleanSocSample]:
-    """The memory and the sample without a voltage that jumps though the current does not, until it has lasted.
-
-    A voltage before which there was none waits for the next one to be alike.
-    """
-    leaves = logical_not(is_alike(clean, before.voltage_V, before.current_A, model))
-    again = is_alike(clean, before.jumped_V, before.current_A, model)
-    new_s = where(before.voltage_V > 0.0, 0.0, JUMP_LASTS_S)
-    lasts_s = where(again, before.jumped_s + clean.dt_s, new_s)
-    lasted = again & (lasts_s >= JUMP_LASTS_S)
-    jumped = clean.voltage_measured & leaves & logical_not(lasted) & (clean.dt_s <= JUMP_S)
-    jumped_V = where(jumped, clean.voltage_V, where(clean.voltage_measured, -1.0, before.jumped_V))
-    after = before._replace(
-        jumped_V=jumped_V,
-        jumped_s=where(jumped, lasts_s, before.jumped_s),
-        current_A=clean.now.current_A - clean.change_A,
-    )
-    return after, without_voltage(clean, jumped, SocFlag.VOLTAGE_REJECTED)
 
 
 class StartWatch(NamedTuple):
@@ -182,7 +172,7 @@ class StartWatch(NamedTuple):
             return watch, False
         if is_alike(clean, self.voltage_V, self.current_A, model):
             alike = watch._replace(voltage_V=clean.voltage_V, lasts_s=watch.age_s, other_V=math.nan)
-            return (alike if age_s < JUMP_LASTS_S or samples < SETTLED_AFTER else None), False
+            return (alike if age_s < START_SETTLED_S or samples < START_SETTLED_AFTER else None), False
         again = is_alike(clean, self.other_V, self.current_A, model)
         watch = watch._replace(other_V=clean.voltage_V, other_s=self.other_s + clean.dt_s if again else 0.0)
         return watch, bool(watch.other_s > watch.lasts_s)
@@ -225,12 +215,12 @@ def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
     """True where no two voltages are far enough apart for a jump until a start from the first of samples is settled."""
     for count in (_FIRST_LOOKED_AT, len(samples.dt_s)):
         elapsed_s = np.cumsum(samples.dt_s[:count]) - samples.dt_s[0]
-        settled = np.flatnonzero(elapsed_s >= JUMP_LASTS_S)
+        settled = np.flatnonzero(elapsed_s >= START_SETTLED_S)
         if settled.size:
             break
     else:
         return False
-    until = slice(0, max(int(settled[0]) + 1, SETTLED_AFTER))
+    until = slice(0, max(int(settled[0]) + 1, START_SETTLED_AFTER))
     steps_s = samples.dt_s[until][1:]
     regular = bool(np.all((steps_s >= 0.0) & (steps_s <= JUMP_S)))
     return regular and bool(np.ptp(samples.voltage_V[until]) <= JUMP_SHARE * model.ocv.voltage_V[-1])
@@ -255,6 +245,7 @@ def without_frozen(
         load_A=where(same, before.load_A, load_A),
         used_s=where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
         frozen=where(frozen, 1.0, 0.0),
+        current_A=clean.now.current_A - clean.change_A,
     )
     came_V = abs(clean.voltage_V - before.voltage_V)
     misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
