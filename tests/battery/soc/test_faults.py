@@ -16,7 +16,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.battery.soc.voltage_faults import JUMP_SHARE, LevelLimits, VoltageLevel
+from ohmward.battery.soc.voltage_faults import JUMP_SHARE, LevelJudgement, LevelLimits, VoltageLevel
 from ohmward.filters.belief import unpack
 
 NOISE = BatteryNoise()
@@ -237,17 +237,33 @@ def test_a_given_state_of_charge_is_no_jump_of_the_voltage():
 
 def test_a_level_is_left_at_once_and_found_again():
     level, limits = VoltageLevel(0.01, 0.0, 100.0, 1e-4), LevelLimits(5e-5, 0.2**2)
-    assert not bool(level.leaves(0.06, 0.0, 0.01, limits)) and bool(level.leaves(0.07, 0.0, 0.01, limits))
-    away = level.after(0.07, 0.07, 2.0, np.True_, np.True_, limits)
+    assert not bool(level.judge(0.06, 0.0, 0.01, limits).leaves) and bool(level.judge(0.07, 0.0, 0.01, limits).leaves)
+    away = level.after(0.07, 0.07, 2.0, np.True_, LevelJudgement(np.True_, np.False_), limits)
     assert (float(away.mean_V), float(away.trusted_s)) == (0.01, 98.0)
     assert float(away.away_V) == pytest.approx(0.06)
-    assert bool(away.leaves(0.045, 1.0, 1.0, limits)) and not bool(away.leaves(0.035, 0.0, 0.0, limits))
-    assert not bool(away._replace(trusted_s=0.0).leaves(0.07, 0.0, 0.0, limits))
+    assert bool(away.judge(0.045, 1.0, 1.0, limits).leaves) and not bool(away.judge(0.035, 0.0, 0.0, limits).leaves)
+    assert not bool(away._replace(trusted_s=0.0).judge(0.07, 0.0, 0.0, limits).leaves)
+
+
+@pytest.mark.parametrize(("off_V", "leaves", "returns"), [(-0.1, False, True), (0.1, True, False), (0.0, False, False)])
+def test_a_voltage_comes_back_from_a_jump_that_was_used(off_V, leaves, returns):
+    limits, used = LevelLimits(5e-5, 0.2**2), LevelJudgement(np.False_, np.False_)
+    away = VoltageLevel(0.0, 0.1, 0.0, 1e-4)
+    level = away.after(0.1, 0.0, 1.0, np.True_, used, limits)
+    assert float(level.used_V) == 0.1
+    now = level.judge(off_V, 0.0, 0.0, limits)
+    assert (bool(now.leaves), bool(now.returns)) == (leaves, returns)
+
+
+def test_the_charge_is_forgotten_when_a_false_voltage_ends_that_was_used():
+    _, estimates = run("ekf", broken(slice(600, 2100), voltage_V=lambda v: v + 0.15))
+    assert 2101 in flagged(estimates, SocFlag.DIVERGED)
+    assert not set(flagged(estimates, SocFlag.VOLTAGE_REJECTED)) & set(range(2100, LENGTH))
 
 
 def test_a_large_jump_leaves_even_an_uncertain_level():
     level, limits = VoltageLevel(0.01, 0.0, 100.0, 1.0), LevelLimits(5e-5, 0.2**2)
-    assert not bool(level.leaves(0.2, 1.0, 0.0, limits)) and bool(level.leaves(0.22, 1.0, 0.0, limits))
+    assert not bool(level.judge(0.2, 1.0, 0.0, limits).leaves) and bool(level.judge(0.22, 1.0, 0.0, limits).leaves)
 
 
 @pytest.mark.parametrize("lag", [0, 1])

@@ -75,7 +75,7 @@ def test_weights_are_the_products_of_the_likelihoods():
         for j, member in enumerate(members):
             taken = settings.member.take_in(member, sample)
             foresight = settings.member.foresee(member, taken, False)
-            done = settings.member.advance(member, taken, False, foresight, np.False_)
+            done = settings.member.advance(member, taken, False, foresight, foresight.judgement)
             innovation = done.update.correction.innovation
             log_weights[j] += norm.logpdf(innovation.value[0], scale=np.sqrt(innovation.cov[0, 0]))
             members[j] = done.state

@@ -28,7 +28,8 @@ def anchored_filter(chemistry, name="gsf"):
 
 
 def corrected(settings, state, prior, clean, event):
-    return settings.correct(state, settings.compare(state, prior, clean, event), clean, np.False_)
+    foresight = settings.compare(state, prior, clean, event)
+    return settings.correct(state, foresight, clean, foresight.judgement)
 
 
 def anchored(run):

@@ -18,9 +18,9 @@ BATTERY = generic_battery("nmc", 2.0)
 #: out, and what a bank's members do alike in one vector counted once.
 OPERATIONS = {
     "textbook-ekf": (149, 241),
-    "ekf": (1663, 2307),
-    "gsf": (4426, 2936),
-    "ukf": (5072, 8568),
+    "ekf": (1683, 2327),
+    "gsf": (4492, 2998),
+    "ukf": (5092, 8588),
 }
 
 

@@ -122,9 +122,9 @@ class GaussianSumFilter:
             self.member.foresee(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
         ]
-        left = most_likely([foresight.leaves for foresight in foresights], state.log_weights)
+        judgement = most_likely([foresight.judgement for foresight in foresights], state.log_weights)
         steps = [
-            self.member.advance(member, taken, diverged, foresight, left)
+            self.member.advance(member, taken, diverged, foresight, judgement)
             for member, foresight in zip(state.members, foresights, strict=True)
         ]
         accepted = reduce(or_, (step.update.accepted for step in steps))

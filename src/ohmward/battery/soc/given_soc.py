@@ -25,7 +25,7 @@ from ohmward.battery.soc.initial_soc import axis_error_V
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
-from ohmward.battery.soc.voltage_faults import HeldVoltage, VoltageLevel
+from ohmward.battery.soc.voltage_faults import HeldVoltage, LevelJudgement, VoltageLevel
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
@@ -90,7 +90,7 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     weights = np.exp(relative(state.log_weights))
     foresights = [filter_.compare(member, unpack(member.belief), clean) for member in state.members]
     updates = [
-        filter_.correct(member, foresight, clean, np.False_)
+        filter_.correct(member, foresight, clean, LevelJudgement(np.False_, np.False_))
         for member, foresight in zip(state.members, foresights, strict=True)
     ]
     like = np.array([_is_like_before(update, u, filter_) for update in updates], dtype=float)

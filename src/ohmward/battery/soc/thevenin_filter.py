@@ -34,7 +34,14 @@ from ohmward.battery.soc.clean_sample import (
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.battery.soc.voltage_faults import JUMP_S, HeldVoltage, LevelLimits, VoltageLevel, without_frozen
+from ohmward.battery.soc.voltage_faults import (
+    JUMP_S,
+    HeldVoltage,
+    LevelJudgement,
+    LevelLimits,
+    VoltageLevel,
+    without_frozen,
+)
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
@@ -105,7 +112,7 @@ class Foresight(NamedTuple):
     correction: Correction  #: by the voltage, or by the SoC of the event
     level: VoltageLevel  #: before the voltage
     measured: Any  #: the condition that there is a voltage, and no event in its place
-    leaves: Any  #: the condition that it left its level
+    judgement: LevelJudgement  #: of the voltage beside its level
 
 
 class TheveninUpdate(NamedTuple):
@@ -243,7 +250,7 @@ class TheveninFilter:
         taken = self.take_in(state, sample)
         diverged = self.has_diverged(state) | taken.misled
         foresight = self.foresee(state, taken, diverged)
-        done = self.advance(state, taken, diverged, foresight, foresight.leaves)
+        done = self.advance(state, taken, diverged, foresight, foresight.judgement)
         return done.state, with_misfit(done.estimate, self.sensor)
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
@@ -271,26 +278,27 @@ class TheveninFilter:
         prior = self.zero_current_update(prior, clean, self.is_resting(rest_s))
         prior = choose(diverged, self.with_new_curve_errors(forget_soc(prior)), prior)
         other = diverged | taken.event.gives_soc | (clean.dt_s > JUMP_S)  # the belief moves, not the voltage
-        level = choose(other, VoltageLevel(), state.level)
+        level = choose(other, VoltageLevel(used_V=state.level.used_V), state.level)
         return self.compare(state._replace(level=level), prior, clean, taken.event)._replace(rest_s=rest_s)
 
     def advance(
-        self, state: FilterState, taken: CleanInput, diverged: Any, foresight: Foresight, left: Any
+        self, state: FilterState, taken: CleanInput, diverged: Any, foresight: Foresight, judgement: LevelJudgement
     ) -> TheveninStep:
-        """The step on a clean sample; left: the condition that its voltage is held to be none of the battery's."""
+        """The step on a clean sample; judgement: of its voltage, by the most likely hypothesis."""
         clean, rest_s = taken.sample, foresight.rest_s
         resting = self.is_resting(rest_s)
-        update = self.correct(state, foresight, clean, left)
+        update = self.correct(state, foresight, clean, judgement)
         posterior, limited = self.within_limits(update.belief)
 
         contradicts_still = update.contradicts & logical_not(diverged)  # a reset restarts the timer
+        rejected_s = time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured)
         after = FilterState(
             pack(posterior),
             update.noise,
             clean.now.current_A,
             clean.now.temperature_degC,
             rest_s,
-            time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured),
+            where(judgement.returns, self.reset_after_s + 1.0, rejected_s),
             clean.unknown_s,
             taken.anchors,
             clean.now.unknown_K,
@@ -362,19 +370,22 @@ class TheveninFilter:
         has_voltage = clean.voltage_measured & logical_not(anchored)
         nu, sample_V2 = correction.innovation.value[0], correction.innovation.cov[0, 0] - (R[0, 0] - error.variance)
         change_A = maximum(abs(clean.change_A), abs(clean.now.current_A - state.held.current_A))
-        leaves = state.level.leaves(nu, sample_V2, error.total_ohm * change_A, self.level_limits)
-        leaves = has_voltage & (leaves | (state.held.voltage_V < 0.0))  # the first one may be false
-        return Foresight(prior, event, 0.0, error, R[0, 0], correction, state.level, has_voltage, leaves)
+        leaves, returns = state.level.judge(nu, sample_V2, error.total_ohm * change_A, self.level_limits)
+        leaves = leaves | (state.held.voltage_V < 0.0)  # the first one may be false
+        judgement = LevelJudgement(has_voltage & leaves, has_voltage & returns)
+        return Foresight(prior, event, 0.0, error, R[0, 0], correction, state.level, has_voltage, judgement)
 
     @cached_property
     def level_limits(self) -> LevelLimits:
         """Limits for the steps of the innovation."""
         return LevelLimits.of(self.model, self.noise)
 
-    def correct(self, state: FilterState, foresight: Foresight, clean: CleanSocSample, left: Any) -> TheveninUpdate:
+    def correct(
+        self, state: FilterState, foresight: Foresight, clean: CleanSocSample, judgement: LevelJudgement
+    ) -> TheveninUpdate:
         """The belief after the voltage of the step; at a full charge or a cut-off, SoC is measured in its place.
 
-        left: the condition that the voltage is held to be none of the battery's.
+        judgement: of the voltage, by the most likely hypothesis.
 
         Charger and protection define full and empty, so these events pass without a gate.
         """
@@ -382,7 +393,7 @@ class TheveninFilter:
         system, anchored = self.system, event.gives_soc
         y = np.array([where(anchored, event.soc, clean.voltage_V)])
         (nu,), repeated = correction.innovation.value, R - error.variance
-        used_now = foresight.measured & passes(correction.innovation, self.gate) & logical_not(left)
+        used_now = foresight.measured & passes(correction.innovation, self.gate) & logical_not(judgement.leaves)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         updated = apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0))
         belief, evidence = count_once(self.evidence_before(state, prior, clean), prior, updated, system.gain_index)
@@ -402,7 +413,7 @@ class TheveninFilter:
                 nu * R / correction.innovation.cov[0, 0],
                 clean.dt_s,
                 foresight.measured,
-                left,
+                judgement,
                 self.level_limits,
             ),
         )

@@ -5,7 +5,8 @@ converter or a message. Used, it decides between hypotheses that are all far fro
 an estimate at the wrong state of charge.
 
 Jumps are found in the innovation: a wire that comes loose moves it at once, an error of the state of charge or of the
-curve never does. Neither side of a jump is known to be the true one: the one that has lasted longer counts.
+curve never does. Neither side of a jump is known to be the true one: the one that has lasted longer counts. A voltage
+that comes back from one that was used in the end shows that the charge was learnt from a false one.
 """
 
 from __future__ import annotations
@@ -73,6 +74,13 @@ class LevelLimits(NamedTuple):
         return cls(least_V2, (JUMP_SHARE * full_V) ** 2)
 
 
+class LevelJudgement(NamedTuple):
+    """Conditions of a voltage, from its innovation."""
+
+    leaves: Any  #: it left its level, and is held to be none of the battery's
+    returns: Any  #: it came back from a jump that lasted for so long that it was used
+
+
 class VoltageLevel(NamedTuple):
     """The level that the innovation keeps, and a jump away from it."""
 
@@ -80,6 +88,7 @@ class VoltageLevel(NamedTuple):
     away_V: Scalar = 0.0  #: jump away from it; 0 while there is none
     trusted_s: Scalar = 0.0  #: time for which the voltage has kept its level, less the time for which it has been away
     square_V2: Scalar = 0.0  #: mean square deviation from it
+    used_V: Scalar = 0.0  #: jump that lasted for so long that it was used all the same; 0 without one
 
     @property
     def is_away(self) -> Any:
@@ -90,37 +99,50 @@ class VoltageLevel(NamedTuple):
         """Variance of the noise from sample to sample that it shows: the mean has a part of it, too."""
         return self.square_V2 * (1.0 - 0.5 * dt_s / (dt_s + LEVEL_S))
 
-    def leaves(self, innovation_V: Scalar, uncertain_V2: Scalar, drop_V: Scalar, limits: LevelLimits) -> Any:
-        """True for an innovation that jumps, or has not come back: it has where the rest of the jump is small.
+    def judge(self, innovation_V: Scalar, uncertain_V2: Scalar, drop_V: Scalar, limits: LevelLimits) -> LevelJudgement:
+        """Whether an innovation jumps, or has not come back: it has where the rest of the jump is small.
 
         uncertain_V2: variance of the innovation.  drop_V: by the last changes of the current.
         """
         off_V = innovation_V - self.mean_V
         usual_V2 = LEAVES_SIGMAS**2 * maximum(self.square_V2, limits.least_V2) + uncertain_V2
         jump_V2 = minimum(usual_V2, limits.jump_V2) + drop_V * drop_V
-        still_V2 = BACK_SHARE * BACK_SHARE * self.away_V * self.away_V
-        return (off_V * off_V > where(self.is_away, still_V2, jump_V2)) & (self.trusted_s > 0.0)
+        jumps = where(self.is_away, logical_not(_is_back(off_V, self.away_V)), off_V * off_V > jump_V2)
+        jumps = jumps & (self.trusted_s > 0.0)
+        returns = jumps & logical_not(self.is_away) & _is_back(off_V + self.used_V, self.used_V)
+        return LevelJudgement(jumps & logical_not(returns), returns)
 
     def after(
-        self, innovation_V: Scalar, residual_V: Scalar, dt_s: Scalar, measured: Any, left: Any, limits: LevelLimits
+        self,
+        innovation_V: Scalar,
+        residual_V: Scalar,
+        dt_s: Scalar,
+        measured: Any,
+        now: LevelJudgement,
+        limits: LevelLimits,
     ) -> VoltageLevel:
         """The level after a voltage.
 
         residual_V: what is left of the innovation once the voltage has been used.
-        left: the condition that it is held to be none of the battery's.
         """
         off_V = innovation_V - self.mean_V
-        used = measured & logical_not(left)
+        used = measured & logical_not(now.leaves)
         newest = where(self.trusted_s > 0.0, dt_s / (dt_s + LEVEL_S), 1.0)
         usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + DEVIATION_S), 0.0)
         most_V2 = 9.0 * maximum(self.square_V2, limits.least_V2)
-        change_s = where(used, dt_s, where(left, -dt_s, 0.0))
+        change_s = where(used, dt_s, where(now.leaves, -dt_s, 0.0))
         return VoltageLevel(
             self.mean_V + where(used, newest, 0.0) * (residual_V - self.mean_V),
-            where(left, where(self.is_away, self.away_V, off_V), 0.0),
+            where(now.leaves, where(self.is_away, self.away_V, off_V), 0.0),
             minimum(self.trusted_s + change_s, MOST_TRUSTED_S),
             self.square_V2 + usual * (minimum(off_V * off_V, most_V2) - self.square_V2),
+            where(used & self.is_away & (self.trusted_s <= 0.0), self.away_V, where(now.returns, 0.0, self.used_V)),
         )
+
+
+def _is_back(left_V: Scalar, jump_V: Scalar) -> Any:
+    """True where what is left of a jump is small."""
+    return left_V * left_V < BACK_SHARE * BACK_SHARE * jump_V * jump_V
 
 
 class HeldVoltage(NamedTuple):
