@@ -19,7 +19,7 @@ BATTERY = generic_battery("nmc", 2.0)
 OPERATIONS = {
     "textbook-ekf": (149, 241),
     "ekf": (1683, 2327),
-    "gsf": (4492, 2998),
+    "gsf": (4486, 2994),
     "ukf": (5092, 8588),
 }
 

@@ -129,7 +129,7 @@ class GaussianSumFilter:
         ]
         accepted = reduce(or_, (step.update.accepted for step in steps))
         walk_A2 = self.walk_variance(state.walk_A2, taken.sample)
-        noise_V2 = reduce(minimum, (member.level.noise_V2(taken.sample.dt_s) for member in state.members))
+        noise_V2 = reduce(minimum, (member.level.square_V2 for member in state.members))
         unforeseen_V2 = maximum(noise_V2 - self.member.noise.voltage_std_V**2, 0.0)
         evidence = [
             self.evidence(member, step.update, walk_A2, unforeseen_V2, taken.sample)

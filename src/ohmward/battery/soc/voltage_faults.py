@@ -95,10 +95,6 @@ class VoltageLevel(NamedTuple):
         """True while the voltage is away from its level."""
         return abs(self.away_V) > 0.0
 
-    def noise_V2(self, dt_s: Scalar) -> Scalar:
-        """Variance of the noise from sample to sample that it shows: the mean has a part of it, too."""
-        return self.square_V2 * (1.0 - 0.5 * dt_s / (dt_s + LEVEL_S))
-
     def judge(self, innovation_V: Scalar, uncertain_V2: Scalar, drop_V: Scalar, limits: LevelLimits) -> LevelJudgement:
         """Whether an innovation jumps, or has not come back: it has where the rest of the jump is small.
 
