@@ -201,7 +201,7 @@ def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
     if larger := too_small(update.capacity_Ah, update.soc_max - update.soc_min):
         return larger
     if is_label(battery):
-        return unexplained(update) or other_label(before, update)
+        return unexplained(update, by_label=True) or other_label(before, update)
     if confirms(before, update):
         return ""
     _, alone = learn_log(forgotten(battery), log, check_fit=False)
