@@ -58,9 +58,9 @@ _LEAST_M = 0.01
 #: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: Time by which standing seems to begin or end late or early, as power and speed are measured with different lags [s].
-_EDGE_S = 1.0
+_LAG_S = 1.0
 #: Standard deviations by which the idle power must exceed the power under way to be refuted by it.
-_SURELY_STDS = 3.0
+_REFUTED_STDS = 3.0
 #: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
 _LEAST_NARROWED = 0.02
 
@@ -204,7 +204,7 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     ground_J2, idle_J2 = scatter_J2(c, stretch)
     R = ground_J2 + idle_J2
     if not stretch.terrain and c.on_this_drive:
-        R += (_EDGE_S * _under_way_W(c.visits)) ** 2
+        R += (_LAG_S * _under_way_W(c.visits)) ** 2
     teaches = R > 0.0 and (not stretch.terrain or stretch.distance_m >= SHORTEST_M)
     if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
@@ -363,7 +363,7 @@ def standing_work_J(c: Consumption, stretch: Stretch, energy_J: float) -> float:
 def _without_refuted_idle(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """The idle power of before the first drive, where work at standstill was taken for it: the drives take less."""
     now = Visits(1, stretch.distance_m, stretch.time_s, energy_J)
-    surely_W = float(c.mean[IDLE] - _SURELY_STDS * np.sqrt(c.cov[IDLE, IDLE]))
+    surely_W = float(c.mean[IDLE] - _REFUTED_STDS * np.sqrt(c.cov[IDLE, IDLE]))
     if not stretch.terrain or surely_W <= _under_way_W((*c.visits, now)):
         return c
     mean, cov = c.mean.copy(), c.cov.copy()

@@ -29,13 +29,13 @@ from ohmward.quantities import DAY_S
 
 #: Logs show the capacity if they have halved the variance that the battery file gives it; or it is known this well, or
 #: is off by this many standard deviations.
-_HALVED, _KNOWN_STD, _SURELY_STDS = math.sqrt(0.5), 0.05, 2.0
+_HALVED, _KNOWN_STD, _IS_ANOTHER_STDS = math.sqrt(0.5), 0.05, 2.0
 
 
 def shows_capacity(battery: Battery, log_capacity: Normal) -> bool:
     """True where ln(capacity over the battery file's) is known from more than the file."""
     of_file = math.hypot(battery.noise.capacity_std, battery.sensor.gain_std)
-    is_another = abs(log_capacity.mean) > _SURELY_STDS * log_capacity.std
+    is_another = abs(log_capacity.mean) > _IS_ANOTHER_STDS * log_capacity.std
     return is_another or log_capacity.std <= max(_HALVED * of_file, _KNOWN_STD)
 
 

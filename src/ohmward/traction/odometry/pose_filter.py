@@ -159,7 +159,7 @@ class PoseState(NamedTuple):
     trail: Trail  #: the last steps, for pose increments
     agreed: Agreed  #: yaw and scale of the turn when wheels and gyro last agreed
     offset_walk: OffsetWalk  #: of the gyro
-    constant_stds: np.ndarray  #: (constants,) of the sums of `CONSTANT_ERRORS`, as large as they have proved
+    constant_stds: np.ndarray  #: (constants,) of errors that are constant along a drive, as large as they proved
     heading: HeadingTimes = HeadingTimes()  #: times of headings
     overrun: Overrun = Overrun()  #: distance beyond that of the outside speeds
     unconfirmed: Unconfirmed = Unconfirmed()  #: change of the rims' speed that these have not confirmed
