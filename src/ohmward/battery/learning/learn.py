@@ -41,6 +41,7 @@ from ohmward.battery.learning.log_update import (
 )
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
+    MISFITS,
     confirms,
     explained_worse,
     forgotten,
@@ -201,7 +202,7 @@ def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
     if larger := too_small(update.capacity_Ah, update.soc_max - update.soc_min):
         return larger
     if is_label(battery):
-        return unexplained(update, by_label=True) or other_label(before, update)
+        return unexplained(update) or other_label(before, update) or unexplained(update, MISFITS)
     if confirms(before, update):
         return ""
     _, alone = learn_log(forgotten(battery), log, check_fit=False)

@@ -45,8 +45,9 @@ _OTHER_SENSOR = 4.5
 _MOVED = 4.0
 #: Misfit of a log whose voltage does not follow from its current. It is 1.0 to 1.6 in good logs of these batteries, 6
 #: in one at 0 degC that follows one at -10 degC, and 15 to 1300 where a sensor was dead for hours, has lost the sign,
-#: or does not see the charger. From a label, whose wide prior fits any good log, it is 4 to 8 where the sign is lost.
-_UNEXPLAINED_MISFIT, _UNEXPLAINED_BY_LABEL = 12.0, 3.0
+#: or does not see the charger. From a label, whose wide prior fits any good log, a smaller one is suspect: it is 4 to
+#: 8 where the sign is lost.
+_UNEXPLAINED_MISFIT, MISFITS = 12.0, 3.0
 
 
 def forgotten(battery: Battery) -> Battery:
@@ -72,9 +73,9 @@ def is_label(battery: Battery) -> bool:
     return battery.knowledge is None and battery.noise.resistance_std >= label.resistance_std
 
 
-def unexplained(found: LogUpdate, by_label: bool = False) -> str:
+def unexplained(found: LogUpdate, most: float = _UNEXPLAINED_MISFIT) -> str:
     """Contradiction of a log with itself: its voltage does not follow from its current; "" for none."""
-    if not found.misfit > (_UNEXPLAINED_BY_LABEL if by_label else _UNEXPLAINED_MISFIT):
+    if not found.misfit > most:
         return ""
     expected_V = found.residual_rms_V / math.sqrt(found.misfit)
     return (
@@ -91,9 +92,8 @@ def confirms(known: KnownBattery, after: LogUpdate) -> bool:
 
 def other_label(known: KnownBattery, after: LogUpdate) -> str:
     """Contradiction of a log with the label that the file was made from; "" for none."""
-    return _contradiction(known, after, _moved(known, after), _OTHER_LABEL) or _other_sensor(
-        known, after, known.offset_A.std
-    )
+    limit = _OTHER_BATTERY_STD if after.misfit > MISFITS else _OTHER_LABEL
+    return _contradiction(known, after, _moved(known, after), limit) or _other_sensor(known, after, known.offset_A.std)
 
 
 def moved_too_far(known: KnownBattery, after: LogUpdate) -> str:
