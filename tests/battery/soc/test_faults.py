@@ -248,11 +248,13 @@ def test_a_level_is_left_at_once_and_found_again():
 @pytest.mark.parametrize(("off_V", "leaves", "returns"), [(-0.1, False, True), (0.1, True, False), (0.0, False, False)])
 def test_a_voltage_comes_back_from_a_jump_that_was_used(off_V, leaves, returns):
     limits, used = LevelLimits(5e-5, 0.2**2), LevelJudgement(np.False_, np.False_)
-    away = VoltageLevel(0.0, 0.1, 0.0, 1e-4)
+    away = VoltageLevel(0.0, 0.1, 0.0, 1e-4, away_s=61.0)
+    assert float(away._replace(away_s=59.0).after(0.1, 0.0, 1.0, np.True_, used, limits).used_V) == 0.0
     level = away.after(0.1, 0.0, 1.0, np.True_, used, limits)
     assert float(level.used_V) == 0.1
     now = level.judge(off_V, 0.0, 0.0, limits)
     assert (bool(now.leaves), bool(now.returns)) == (leaves, returns)
+    assert not bool(level.judge(off_V, 0.0, 0.04, limits).returns)  # the load of a worn battery that ends
 
 
 def test_the_charge_is_forgotten_when_a_false_voltage_ends_that_was_used():

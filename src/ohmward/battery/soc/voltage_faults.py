@@ -89,6 +89,7 @@ class VoltageLevel(NamedTuple):
     trusted_s: Scalar = 0.0  #: time for which the voltage has kept its level, less the time for which it has been away
     square_V2: Scalar = 0.0  #: mean square deviation from it
     used_V: Scalar = 0.0  #: jump that lasted for so long that it was used all the same; 0 without one
+    away_s: Scalar = 0.0  #: time for which the voltage has been away
 
     @property
     def is_away(self) -> Any:
@@ -106,6 +107,8 @@ class VoltageLevel(NamedTuple):
         jumps = where(self.is_away, logical_not(_is_back(off_V, self.away_V)), off_V * off_V > jump_V2)
         jumps = jumps & (self.trusted_s > 0.0)
         returns = jumps & logical_not(self.is_away) & _is_back(off_V + self.used_V, self.used_V)
+        # a load that ends moves the voltage of a worn battery by more than the file's resistances do
+        returns = returns & (abs(off_V) > JUMP_DROPS * abs(drop_V))
         return LevelJudgement(jumps & logical_not(returns), returns)
 
     def after(
@@ -126,13 +129,15 @@ class VoltageLevel(NamedTuple):
         newest = where(self.trusted_s > 0.0, dt_s / (dt_s + LEVEL_S), 1.0)
         usual = where(measured & logical_not(self.is_away), dt_s / (dt_s + DEVIATION_S), 0.0)
         most_V2 = 9.0 * maximum(self.square_V2, limits.least_V2)
+        lasted = self.away_s > JUMP_S  # no spike, and no load that the file does not explain
         change_s = where(used, dt_s, where(now.leaves, -dt_s, 0.0))
         return VoltageLevel(
             self.mean_V + where(used, newest, 0.0) * (residual_V - self.mean_V),
             where(now.leaves, where(self.is_away, self.away_V, off_V), 0.0),
             minimum(self.trusted_s + change_s, MOST_TRUSTED_S),
             self.square_V2 + usual * (minimum(off_V * off_V, most_V2) - self.square_V2),
-            where(used & self.is_away & (self.trusted_s <= 0.0), self.away_V, where(now.returns, 0.0, self.used_V)),
+            where(used & lasted & (self.trusted_s <= 0.0), self.away_V, where(now.returns, 0.0, self.used_V)),
+            where(now.leaves, self.away_s + dt_s, where(used, 0.0, self.away_s)),
         )
 
 
