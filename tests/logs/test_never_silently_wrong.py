@@ -180,6 +180,33 @@ def test_a_long_table_has_units_in_a_column_and_several_times(write_text):
     np.testing.assert_allclose(log.voltage_V, LOG.voltage_V, atol=5e-4)
 
 
+def written_late(seconds, often=()):
+    """A table of Home Assistant in which each voltage is written these seconds after its current, some again."""
+    rows = [
+        f"sensor.bms_{name},{value},{t + late}"
+        for k, (t, i, u) in enumerate(zip(LOG.time_s, LOG.current_A, LOG.voltage_V, strict=True))
+        for name, value, late in (
+            ("current", i, 0.0),
+            ("voltage", u, seconds),
+            *((("voltage", u - 0.1, 2 * seconds),) if k in often else ()),
+        )
+    ]
+    return "\n".join(["entity_id,state,last_changed", *rows, ""])
+
+
+def test_values_written_one_after_the_other_are_of_one_sample(write_text):
+    """Else each step of the current would stand beside the voltage before it."""
+    log = read_log(write_text(written_late(0.05)))
+    np.testing.assert_allclose(log.time_s, LOG.time_s - LOG.time_s[0], atol=1e-6)
+    np.testing.assert_array_equal([log.current_A, log.voltage_V], [LOG.current_A, LOG.voltage_V])
+
+
+def test_a_name_that_returns_at_once_begins_another_sample(write_text):
+    log = read_log(write_text(written_late(0.05, often=(5,))), current_sign="charge")
+    assert len(log) == len(LOG.time_s) + 2
+    assert not [note for note in log.notes if "another at the same time" in str(note)]
+
+
 def test_of_equal_columns_beside_a_long_table_the_first_is_kept(write_text):
     rows = [f"{line.rpartition(',')[0]},{k // 2},{k // 2}" for k, line in enumerate(long_table().splitlines()[1:])]
     text = "\n".join(["time,name,value,second,first", *rows, ""])

@@ -33,6 +33,9 @@ _NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", 
           "topic", "pid")  # fmt: skip
 _VALUES = ("value", "val", "reading", "payload")
 _UNITS = ("unit", "units")
+#: Values are of one sample if they are written within this share of the time in which the same name returns, and no
+#: more than this time [s] apart.
+_TOGETHER, _LONGEST_TOGETHER_S = 0.1, 1.0
 
 
 def as_wide(file: TableFile) -> TableFile:
@@ -75,11 +78,11 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
             f"{table.source}: column {columns.time!r} gives a log of {years:,.0f} years; correct its cells"
         )
     labels = [] if columns.holds else _labels(table, columns, names)
-    key = reduce(
-        _numbered, [clock.time_s[known], *(table.columns[label] for label in labels)], np.zeros(names.size, int)
-    )
+    series = reduce(_numbered, [names, *(table.columns[label] for label in labels)], np.zeros(names.size, int))
+    sampled_s = _sample_times(clock.time_s[known], series)
+    key = reduce(_numbered, [sampled_s, *(table.columns[label] for label in labels)], np.zeros(names.size, int))
     _, first, row = np.unique(key, return_index=True, return_inverse=True)
-    time_s = clock.time_s[known][first]
+    time_s = sampled_s[first]
     wide: dict[str, np.ndarray] = {_TIME: time_s}
     if clock.start_unix_s is not None:
         start = np.int64(round(clock.start_unix_s * 1e9))
@@ -96,9 +99,33 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
     wide |= {label: table.columns[label][first] for label in labels if label not in wide}
     until = ", each of which holds until the next" if columns.holds else ""
     notes = [Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")]
+    if together := np.count_nonzero(sampled_s != clock.time_s[known]):
+        text = f"{counted(together, 'value')} written up to {_LONGEST_TOGETHER_S:g} s after others: of the same sample"
+        notes.append(Note(text))
     if lost:
         notes.append(Note(f"{counted(lost, 'value')} of a name that has another at the same time: left out", "warning"))
     return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, *notes))
+
+
+def _sample_times(written_s: np.ndarray, series: np.ndarray) -> np.ndarray:
+    """Times (T,) of the samples: those of the first value of each, where others are written a little later.
+
+    series: (T,) numbers of the names. A sample has each but once; values of a name that returns sooner are left apart.
+    """
+    order = np.lexsort((written_s, series))
+    returns_s = np.diff(written_s[order])[np.diff(series[order]) == 0]
+    returns_s = returns_s[returns_s > 0.0]
+    if not returns_s.size:
+        return written_s
+    apart_s = min(_TOGETHER * float(np.median(returns_s)), _LONGEST_TOGETHER_S)
+    order = np.argsort(written_s, kind="stable")
+    begins = np.diff(written_s[order], prepend=-np.inf) > apart_s
+    sample = np.cumsum(begins) - 1
+    of_name = _numbered(sample, series[order])
+    has_twice = np.bincount(sample, weights=np.bincount(of_name)[of_name] > 1) > 0
+    found_s = written_s.copy()
+    found_s[order] = np.where(has_twice[sample], written_s[order], written_s[order][begins][sample])
+    return found_s
 
 
 def _labels(table: Table, columns: LongColumns, names: np.ndarray) -> list[str]:
