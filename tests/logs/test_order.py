@@ -49,6 +49,11 @@ def test_rows_in_order_are_left_alone():
             np.random.default_rng(3).permutation(np.arange(1000.0)),
             r"f.csv: the time falls from line to line 4\d\d times: the rows are shuffled; .*--sort-time",
         ),
+        (
+            np.random.default_rng(3).integers(20, 25, 1000),
+            r"f.csv: the time falls from line to line 4\d\d times: it has 5 values in 1,000 rows; is 'time' the time\? "
+            r"Name another with --column time=NAME, or .*--sample-time 1, else sort the rows with --sort-time",
+        ),
         ([*range(100, 200), *range(100)], r"f.csv holds several recordings: .*--sort-time \(sort_time=True\)"),
         ([0, 2, 1, 4, 3, 6, 5], r"runs backwards at line 4, 6, 8 .*--sort-time \(sort_time=True\).*recording=1"),
     ],

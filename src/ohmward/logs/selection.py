@@ -268,6 +268,8 @@ _MOST_LATE = 0.05
 # Restarts in more than this fraction of the rows show that they are shuffled: steps of a test, but no recordings, may
 # have so few rows each.
 _SHUFFLED = 0.25
+# A column of fewer different values than this share of its rows is hardly a time.
+_FEW_VALUES = 0.2
 #: If more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
 _MOST_REPEATED = 0.2
 #: Quantile of the intervals between stamps that is used as the smallest one, so that a few odd stamps do not count.
@@ -425,10 +427,17 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
     time_s = table.columns[time]
     steps = np.diff(time_s)
     falls, rises = np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)
+    values = np.unique(time_s).size
+    if rises < 0.1 * falls:
+        why, fix = "the newest row stands first", ";"
+    elif values < _FEW_VALUES * time_s.size:
+        why = f"it has {values:,} values in {time_s.size:,} rows; is {time!r} the time?"
+        fix = " Name another with --column time=NAME, or give the interval between rows with --sample-time 1, else"
+    else:
+        why, fix = "the rows are shuffled", ";"
     shuffled = InputError(
-        f"{table.source}: the time falls from {table.place} to {table.place} {falls:,} times: "
-        f"{'the newest row stands first' if rises < 0.1 * falls else 'the rows are shuffled'}; "
-        "sort the rows with --sort-time (sort_time=True)"
+        f"{table.source}: the time falls from {table.place} to {table.place} {falls:,} times: {why}{fix} sort the rows "
+        "with --sort-time (sort_time=True)"
     )
     if falls > rises:
         raise shuffled
