@@ -185,7 +185,7 @@ _TABLE = (
         "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s",
         ValueLimits(-35.0, 35.0),  # 2000 degrees per second
         words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro gyr w omega", "z"),
-                 "angular velocity z", "ang vel z", "gierrate"),
+                 "angular velocity z", "ang vel z", "gyro 2", "gyro rad 2", "gierrate"),
         "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
     ),
     Quantity(

@@ -115,7 +115,8 @@ def test_more_numbers_than_wheels_name_none_of_them():
     "quantity, name",
     [
         ("yaw_rate", "yaw_rate_rad_s"), ("yaw_rate", "wz"), ("yaw_rate", "gyro_z"), ("yaw_rate", "gz_dps"),
-        ("yaw_rate", "imu.angular_velocity.z"), ("yaw", "imu_yaw"), ("heading", "heading_rad"),
+        ("yaw_rate", "imu.angular_velocity.z"), ("yaw_rate", "imu.gyro[2]"), ("yaw_rate", "gyro_rad[2]"),
+        ("yaw", "imu_yaw"), ("heading", "heading_rad"),
         ("heading", "compass_deg"), ("heading", "gnss_heading"), ("heading_std", "heading_std_rad"),
         ("acceleration", "acceleration_m_s2"), ("acceleration", "ax"),
         ("acceleration", "imu_acceleration_x"), ("acceleration", "linear_acceleration.x"), ("pitch", "pitch_deg"),
@@ -132,7 +133,7 @@ def test_other_channels(quantity, name):
 @pytest.mark.parametrize(
     "name",
     ["cmd_left", "m1setvel", "setvel", "speed_true_m_s", "front_left_slip_true", "yaw_rate_true_rad_s", "icp_pitch",
-     "current_A", "voltage_V", "soc_true", "odom_linear_x", "xsetspeed", "imu_acceleration_y", "wx"],
+     "current_A", "voltage_V", "soc_true", "odom_linear_x", "xsetspeed", "imu.gyro[0]", "imu_acceleration_y", "wx"],
 )  # fmt: skip
 def test_what_is_no_measurement_of_the_drive_is_left_alone(name):
     assert name not in columns(["wl", "wr", name]).values()

@@ -75,6 +75,29 @@ def test_counts_that_never_leave_zero_far_are_doubted(scale, named, tmp_path):
     assert [note.level for note in doubts] == ["warning", "warning"] * named
 
 
+STOPS = np.where(T % 5.0 < 4.0, SPEED, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "doubted"),
+    [
+        ("{}_encoder", 1440 / (2 * np.pi) * STOPS, True),
+        ("{}_encoder", 1440 / (2 * np.pi) * np.cumsum(0.05 * STOPS), False),
+        ("PPS_{}", 1440 / (2 * np.pi) * STOPS, False),
+    ],
+)
+def test_counts_that_return_to_zero_at_each_stop_are_those_of_a_second(names, values, doubted, tmp_path):
+    """With the unit of the advice, or with it in the name, they show the speed."""
+    write_table({"time_s": T, **{names.format(side): np.round(values) for side in ("L", "R")}}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=1440)
+    doubts = [note for note in log.notes if "returns to zero" in note.text]
+    assert len(doubts) == 2 * doubted
+    if doubted:
+        key, _, unit = doubts[0].options[1].partition("=")
+        log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=1440, units={key: unit})
+    np.testing.assert_allclose(log.wheel_speed_rad_s[5:, 0], STOPS[-len(log.time_s) :][5:], atol=0.1)
+
+
 def test_a_counter_that_rolls_over_within_a_turn_is_not_added_up(tmp_path):
     counts = np.mod(np.floor(40.0 * ANGLE), 256)
     write_table({"time_s": T, "left_ticks": counts, "right_ticks": counts}, tmp_path / "drive.csv")

@@ -61,7 +61,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
     Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min", "tr/min", "giri/min", "obr/min", "об/мин"),
     Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps", "rotationspersec"),
-    Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "tps", "cps", "qpps"),
+    Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "pulses/s", "tps", "cps", "pps", "qpps"),
     Unit("erpm", "turn rate", 1 / 60): ("erpm",),  # pole pairs of the motor pass in a minute
     Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s", "meterspersec"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
@@ -75,7 +75,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("rad", "angle", 1.0): ("rad", "radian", "radians"),
     Unit("deg", "angle", math.pi / 180): ("deg", "degree", "degrees", "°"),
     Unit("turns", "angle", 2 * math.pi): ("turns", "rev", "revs", "revolutions"),
-    Unit("counts", "turn", 1.0): ("counts", "count", "ticks", "tick"),
+    Unit("counts", "turn", 1.0): ("counts", "count", "ticks", "tick", "pulses", "pulse"),
     Unit("m", "length", 1.0): ("m", "meter", "meters", "metre", "metres"),
     Unit("cm", "length", 1e-2): ("cm",),
     Unit("mm", "length", 1e-3): ("mm",),
@@ -111,7 +111,7 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 
 # `rpm_left`, `ticks.right`, `motor_rpm_left`, `current_ma_left`
 _BEFORE = re.compile(
-    r"^(?P<stem>(?:[^\W_]+[\s_.-]+)*?)(?P<unit>e?rpm|ticks?|counts?|mps|dps|m[av])[\s_.-]+(?P<rest>.+)$",
+    r"^(?P<stem>(?:[^\W_]+[\s_.-]+)*?)(?P<unit>e?rpm|q?pps|tps|cps|ticks?|pulses?|counts?|mps|dps|m[av])[\s_.-]+(?P<rest>.+)$",
     re.IGNORECASE,
 )
 # `LeftVelocityRadPerSec`, `CurrentAmps`: units that are spelled out

@@ -322,8 +322,10 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
 
 #: Counts since the last row are recognised from this many rows, turns and counts on, if this share of steps reverses.
 _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
-#: Counts that never leave zero by more than this share of a turn are doubtful.
-_HARDLY = 0.25
+#: Counts that never leave zero by more than this share of a turn are doubtful, and those that return to it this often.
+_HARDLY, _OFTEN = 0.25, 3
+#: Fewest rows for which counts stay at zero.
+_FEWEST_AT_ZERO = 3
 #: Smallest interval between rows as a share of the usual one; below 1, so that times of a drifting clock are kept.
 _USUAL_SHARE = 0.98
 #: Number of consecutive rows that show the usual interval even if they arrived in bursts.
@@ -372,7 +374,10 @@ def wheel_speed(
         return speed_rad_s / gear_ratio, (Note(text, "warning"),)
     speed_rad_s, rolled = speed_from_counts(values, time_s, mechanics.counts_per_turn)
     notes: tuple[Note, ...] = (Note(f"{name!r}: {rolled}"),) if rolled else ()
-    if not rolled and _hardly_turn(values, mechanics.counts_per_turn):
+    if not rolled and (times := returns_to_zero(values)) >= _OFTEN:
+        text = f"{name!r} returns to zero {times} times, as the counts of a second do: then say --unit "
+        notes += (Note(f"{text}wheel_speed=counts/s", "warning", ("--unit", "wheel_speed=counts/s")),)
+    elif not rolled and _hardly_turn(values, mechanics.counts_per_turn):
         text = f"{name!r} stays within {np.nanmax(np.abs(values)) / mechanics.counts_per_turn:.2g} turns of zero"
         notes += (Note(f"{text}: if these are counts since the previous row, add them up in the file", "warning"),)
     return speed_rad_s / gear_ratio, notes
@@ -387,6 +392,15 @@ def _hardly_turn(counts: np.ndarray, counts_per_turn: float) -> bool:
         and _FEWEST_COUNTS <= size.max() < _HARDLY * counts_per_turn
         and size.sum() >= _FEWEST_TURNS * counts_per_turn
     )
+
+
+def returns_to_zero(counts: np.ndarray) -> int:
+    """How often counts (T,) come to zero, stay there and leave it to the side that they came from."""
+    known = counts[np.isfinite(counts)]
+    first = np.flatnonzero(np.diff(known, prepend=np.nan) != 0.0)  # of each stretch of equal counts
+    lasts = np.diff(first, append=known.size) >= _FEWEST_AT_ZERO
+    before, here, after = known[first][:-2], known[first][1:-1], known[first][2:]
+    return int(np.count_nonzero((here == 0.0) & lasts[1:-1] & (before * after > 0.0)))
 
 
 def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
