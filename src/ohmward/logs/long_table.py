@@ -99,7 +99,7 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
     wide |= {label: table.columns[label][first] for label in labels if label not in wide}
     until = ", each of which holds until the next" if columns.holds else ""
     notes = [Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")]
-    if together := np.count_nonzero(sampled_s != clock.time_s[known]):
+    if together := int(np.count_nonzero(sampled_s != clock.time_s[known])):
         text = f"{counted(together, 'value')} written up to {_LONGEST_TOGETHER_S:g} s after others: of the same sample"
         notes.append(Note(text))
     if lost:
