@@ -250,3 +250,11 @@ def test_a_temperature_that_no_battery_has_is_left_out(write_text, scale, zero, 
     assert log.temperature_degC is None
     (note,) = (note.text for note in log.notes if note.level == "warning")
     assert re.search(f"temperature left out: it reads .*{advice}", note)
+
+
+def test_a_date_in_the_future_is_named_and_kept(write_text):
+    rows = "".join(f"2091-03-01T00:00:{k:02d}Z,{k % 3},{12 + k % 3 / 10}\n" for k in range(60))
+    log = read_log(write_text(f"time,current_A,voltage_V\n{rows}"), current_sign="charge")
+    assert log.begin_unix_s is not None
+    named = [note.text for note in log.notes if "in the future by the clock of this computer" in note.text]
+    assert named[0].startswith("the first date is 2091-03-01T00:00:00")

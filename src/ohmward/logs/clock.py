@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -130,15 +131,23 @@ def read_clock(table: Table, column: Column, hints: FileHints | None = None, dat
         InputError: a cell is neither a number nor a date; names the line. Serial dates, or a clock change for daylight
             saving, that the user must explain.
     """
-    return _without_unset_date(_set_at_boot(_read_clock(table, column, hints or FileHints(), date), column.name))
+    return _with_checked_date(_set_at_boot(_read_clock(table, column, hints or FileHints(), date), column.name))
 
 
-def _without_unset_date(clock: Clock) -> Clock:
-    """Leave out a date before 2000, with a note: that of a clock that was never set, which logs of one boot share."""
+def _with_checked_date(clock: Clock) -> Clock:
+    """Leave out a date before 2000, with a note: that of a clock that was never set, which logs of one boot share.
+
+    A date in the future is only named: the clock of this computer may be the wrong one.
+    """
     time_s = clock.time_s + (clock.start_unix_s or 0.0)
-    if clock.start_unix_s is None or not np.fmin.reduce(time_s, initial=np.inf) < _UNIX_S[0]:
+    if clock.start_unix_s is None or not np.isfinite(time_s).any():
         return clock
     begin = np.datetime64(0, "s") + int(np.fmin.reduce(time_s))
+    if np.fmin.reduce(time_s) > time.time() + DAY_S:
+        text = f"the first date is {begin}: in the future by the clock of this computer; which of the two is wrong?"
+        return clock._replace(notes=(*clock.notes, Note(text, "warning")))
+    if not np.fmin.reduce(time_s) < _UNIX_S[0]:
+        return clock
     text = f"the first date is {begin}: before 2000, as of a clock that was not set, so the date is left out"
     return clock._replace(time_s=time_s, start_unix_s=None, notes=(*clock.notes, Note(text, "warning")))
 
