@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> Outcome:
         logs, unread = read_logs(args.logs, read_options(args), battery, report)
         found = health(battery, logs, new_capacity_Ah=args.new_capacity_ah, worn=args.worn, progress=report)
     notes = [*warnings, *(f"info: {text}" for text in found.notes), *unread]
+    notes += [f"warning: left out: {text}" for text in found.dated.left_out]
     for log in found.dated.logs:
         notes += [f"warning: {log.name}: {note.text}" for note in log.notes if note.level == "warning"]
     figures = summary(found) | {"notes": notes, "report": args.report}

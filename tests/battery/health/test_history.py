@@ -37,6 +37,13 @@ def test_a_log_without_a_clock_among_others_is_refused():
         in_order_of_time([log("b", 1e9), log("a")])
 
 
+def test_a_log_without_a_date_among_more_that_have_one_is_left_out():
+    dated = in_order_of_time([log("c", 2e9), log("undated"), log("a", 1e9)])
+    assert [each.name for each in dated.logs] == ["a", "c"]
+    assert len(dated.left_out) == 1
+    assert dated.left_out[0].startswith("undated: no date in this log")
+
+
 def test_no_log_is_refused():
     with pytest.raises(InputError, match="health needs at least one log"):
         in_order_of_time([])

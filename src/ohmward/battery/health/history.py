@@ -45,6 +45,7 @@ class DatedLogs(NamedTuple):
     start_s: np.ndarray  #: (n,) Unix time of their first samples; if no log has a clock, time since the first
     has_clock: bool  #: True where these are dates
     notes: tuple[str, ...] = ()  #: assumptions about the time
+    left_out: tuple[str, ...] = ()  #: logs whose time is not known, among more that have one, and why
 
 
 class Newness(NamedTuple):
@@ -59,21 +60,23 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
     """The logs in order of their clocks; without any clock, one after the other as they are given.
 
     Raises:
-        InputError: no logs, or some have a clock and some have none.
+        InputError: no logs, or as many have no clock as have one.
     """
     if not logs:
         raise InputError("health needs at least one log")
     dated = [(log.begin_unix_s, log) for log in logs if log.begin_unix_s is not None]
-    without = [log.name for log in logs if log.begin_unix_s is None]
-    if not without:
+    without = tuple(
+        f"{log.name}: no date in this log, one that may name the day or the month first, or that of a clock that was "
+        "not set, but there is one in others, so their order is not known; give it dates (a column of dates or Unix "
+        "time), or say how they are written with --time-format '%d.%m.%Y %H:%M:%S' (FileHints(time_format=...))"
+        for log in logs
+        if log.begin_unix_s is None
+    )
+    if len(dated) > len(without):
         begins, ordered = zip(*sorted(dated, key=lambda pair: pair[0]), strict=True)
-        return DatedLogs(ordered, np.array(begins), True)
+        return DatedLogs(ordered, np.array(begins), True, left_out=without)
     if dated:
-        raise InputError(
-            f"{without[0]}: no date in this log, or one that may name the day or the month first, but there is one in "
-            "others, so their order is not known; give it dates (a column of dates or Unix time), say how they are "
-            "written with --time-format '%d.%m.%Y %H:%M:%S' (FileHints(time_format=...)), or leave it out"
-        )
+        raise InputError(f"{without[0]}, or leave it out")
     ends_s = np.cumsum([log.duration_s for log in logs])
     note = "no log has a wall clock: the order given is used, without pauses in between"
     return DatedLogs(tuple(logs), ends_s - [log.duration_s for log in logs], False, (note,))
