@@ -102,7 +102,8 @@ def modules() -> list[str]:
 
 def text_of(module: str) -> str:
     path = (LAB.parent if module.startswith("ohmward_lab.") else SOURCE).joinpath(*module.split("."))
-    return (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text(encoding="utf-8")
+    of_folder = path / "__init__.py"
+    return (of_folder if of_folder.exists() else path.with_suffix(".py")).read_text(encoding="utf-8")
 
 
 def room_of(module: str) -> str:

@@ -60,10 +60,10 @@ def run(args: argparse.Namespace) -> Outcome:
     robot = load_robot(args.robot) if args.robot else None
     plan = PLAN_FILE.load(args.plan) if args.plan else None
     before, origin = earlier_consumption(args.consumption, args.mass_kg, robot)
-    log, drive, ground = None, None, args.terrain
+    log, drive, ground, reading = None, None, args.terrain, read_options(args)
     if args.log is not None:
         drives = drive_options(args, robot) if robot else None
-        log, drive, ground = MissionReader(args.log, read_options(args), drives, args.terrain, battery).read()
+        log, drive, ground = MissionReader(args.log, reading, drives, args.terrain, battery).read()
     named = args.terrain if args.terrain in {*ADHESION, *ROADS, *SOILS} else DEFAULT_TERRAIN
     settings = MissionSettings(
         soc=args.soc,
@@ -74,8 +74,8 @@ def run(args: argparse.Namespace) -> Outcome:
         reserve_soc=args.reserve_soc,
         cutoff_V=args.cutoff_v,
         payload_kg=args.payload_kg,
-        speed_column=speed_column(read_options(args)),
-        speed_unit=dict(read_options(args).units).get("speed"),
+        speed_column=speed_column(reading),
+        speed_unit=dict(reading.units).get("speed"),
         terrain=terrain_named(named, robot.wheel) if robot else None,
         confidence=args.confidence,
     )
