@@ -37,7 +37,9 @@ def test_a_path_is_read(tmp_path, door, as_path):
 
 @pytest.mark.parametrize("door", DOORS)
 def test_anything_else_is_refused_with_what_is_taken(door):
-    with pytest.raises(ow.InputError, match=r"the source of a log must be the path of a .* or a DataFrame"):
+    with pytest.raises(
+        ow.InputError, match=r"the source of a log must be the path of a .* a DataFrame, or a dict of columns"
+    ):
         DOORS[door](3.0)
 
 

@@ -208,15 +208,38 @@ def test_frames_that_are_no_log_are_refused(frame, change, message):
         read_log(change(frame))
 
 
-@pytest.mark.parametrize("source", [{"time_s": [0.0]}, None, 7, [1.0], np.zeros(3), object()])
+@pytest.mark.parametrize("source", [None, 7, [1.0], np.zeros(3), object()])
 @pytest.mark.parametrize("read", [read_log, lambda source: read_drive(source, FOUR, 2)])
 def test_what_is_neither_a_path_nor_a_frame_is_refused(source, read):
-    with pytest.raises(InputError, match=rf"must be the path .* or a DataFrame, not .*{type(source).__name__}"):
+    with pytest.raises(
+        InputError, match=rf"must be the path .* a DataFrame, or a dict of columns, not .*{type(source).__name__}"
+    ):
         read(source)
 
 
+@pytest.mark.parametrize(
+    "as_columns",
+    [
+        lambda f: {name: f[name].to_numpy() for name in f},
+        lambda f: {name: f[name].tolist() for name in f},
+        lambda f: f.to_records(index=False),
+    ],
+)
+def test_a_dict_of_arrays_and_an_array_with_named_fields_are_read_as_a_frame_is(frame, as_columns):
+    log, of_frame = read_log(as_columns(frame)), read_log(frame)
+    for name in ("time_s", "current_A", "voltage_V"):
+        np.testing.assert_array_equal(getattr(log, name), getattr(of_frame, name))
+
+
+@pytest.mark.parametrize(("current_A", "shape"), [([1.0], r"\(1,\)"), (2 * [[1.0, 2.0]], r"\(2, 2\)"), (1.0, r"\(\)")])
+def test_columns_of_several_lengths_are_refused(current_A, shape):
+    columns = {"time_s": [0.0, 1.0], "current_A": current_A, "voltage_V": [3.0, 3.1]}
+    with pytest.raises(InputError, match=rf"one dimension and one length; they have: .*'current_A' {shape}"):
+        read_log(columns)
+
+
 def test_a_series_is_refused(frame):
-    with pytest.raises(InputError, match="or a DataFrame, not"):
+    with pytest.raises(InputError, match="a DataFrame, or a dict of columns, not"):
         read_log(frame["current_A"])
 
 

@@ -145,7 +145,7 @@ def read_drive(
     >>> drive.wheel_speed_rad_s.shape[1]
     4
 
-    source: path of a file in any of these formats, whatever its name; or a DataFrame.
+    source: path of a file in any of these formats, whatever its name; a DataFrame, or a dict of columns.
     robot: a Robot, or the names of its wheels, driven ones first.
     driven: number of driven wheels; only with names.
     radius_m: of the wheels; needed for speeds in m/s at the rim; default: the robot's; nan: not known.

@@ -155,10 +155,14 @@ def _numpy(column: Any) -> np.ndarray:
 
 
 def is_frame(source: Any) -> bool:
-    """True for a DataFrame of pandas or similar, and for a frame that streams Arrow, directly or once collected."""
+    """True for a DataFrame of pandas or similar, and for a frame that streams Arrow, directly or once collected.
+
+    Also for a dict of arrays, and for an array with named fields.
+    """
     has_columns = any(hasattr(type(source), name) for name in ("columns", "column_names", "schema"))
     streams = hasattr(source, "__arrow_c_stream__") or hasattr(type(source), "collect")
-    return _is_of_pandas(source) or (has_columns and streams)
+    has_fields = isinstance(source, np.ndarray) and source.dtype.names is not None
+    return _is_of_pandas(source) or (has_columns and streams) or has_fields or isinstance(source, Mapping)
 
 
 def _is_of_pandas(source: Any) -> bool:
@@ -171,10 +175,23 @@ def open_frame(frame: Any) -> TableFile:
     An index of dates, of durations or of unnamed floats is the time unless `columns` says otherwise.
 
     Raises:
-        InputError: several levels of columns or index, a repeated name, or (on loading) no rows.
+        InputError: several levels of columns or index, a repeated name, arrays of several lengths, or (on loading) no
+            rows.
         OhmwardError: pyarrow, which reads all frames but those of pandas, is not installed.
     """
+    if isinstance(frame, Mapping | np.ndarray):
+        names = frame if isinstance(frame, Mapping) else frame.dtype.names or ()
+        return _open_arrays({str(name): frame[name] for name in names})
     return _open_pandas(frame) if _is_of_pandas(frame) else _open_stream(frame)
+
+
+def _open_arrays(columns: Mapping[str, Any]) -> TableFile:
+    arrays = {name: plain_array(values) for name, values in columns.items()}
+    if len({array.shape for array in arrays.values()}) > 1 or any(array.ndim != 1 for array in arrays.values()):
+        shapes = ", ".join(f"{name!r} {array.shape}" for name, array in arrays.items())
+        raise InputError(f"the columns must have one dimension and one length; they have: {shapes}")
+    rows = next((array.size for array in arrays.values()), 0)
+    return _table_file("columns", rows, list(arrays), list(arrays.values()).__getitem__)
 
 
 def _open_stream(source: Any) -> TableFile:

@@ -172,7 +172,7 @@ def read_log(
     >>> log = ow.read_log("day.csv", current_sign="charge", columns={"current": "current_A"}, units={"current": "A"})
 
     source: path of a file in any of these formats, whatever its name; `-` for standard input; a folder whose files make
-        up one log; or a DataFrame of pandas, polars, Arrow or DuckDB.
+        up one log; a DataFrame of pandas, polars, Arrow or DuckDB; or a dict of columns.
     current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to infer it from the data.
     columns: quantity -> column name, where the names are not clear enough: {"current": "I_batt"}.
     units: quantity -> unit, where the column names give none or a wrong one: {"current": "mA"}.

@@ -210,9 +210,9 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
         return as_wide(open_frame(source)._replace(hints=hints))
     if not isinstance(source, str | PathLike):
         raise InputError(
-            f"the source of a log must be the path of a CSV, Parquet or BDF file or of a recording, or a DataFrame, "
-            f"not {source!r:.60} ({type(source).__name__}); make columns a "
-            "DataFrame, or arrays a Log(name, time_s, ...)"
+            "the source of a log must be the path of a CSV, Parquet or BDF file or of a recording, a DataFrame, or a "
+            f"dict of columns, not {source!r:.60} ({type(source).__name__}); make it columns, "
+            '{"time": ..., "current": ..., "voltage": ...}, or a Log(name, time_s, ...)'
         )
     path = Path(source)
     try:
