@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import SocReference, soc_reference
-from ohmward.battery.soc.voltage_faults import wrong_starts
+from ohmward.battery.soc.voltage_faults import START_SETTLED_S, wrong_starts
 from ohmward.cli.options import HINTS, UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
@@ -106,14 +107,15 @@ class SocTask(NamedTuple):
 
     def start_contradicted(self) -> list[str]:
         """A warning for first voltages that are not the battery's, and where the next contradicts the initial SoC."""
-        samples = samples_of(self.log)
-        again, _ = wrong_starts(samples, self.battery.thevenin)
+        samples, first_V = samples_of(self.log), self.log.voltage_V[0]
+        waits_s = math.inf if self.initial_soc is None else START_SETTLED_S
+        again, _ = wrong_starts(samples, self.battery.thevenin, waits_s=waits_s)
         begin = again[-1] if again else 0
-        wrong = [
-            f"warning: the first voltage, {self.log.voltage_V[0]:.4g} V, is not the battery's: another one follows and "
-            f"lasts; the estimates start again after {self.log.time_s[begin] - self.log.time_s[0]:.3g} s"
-        ]
-        return (wrong if again else []) + self._initial_soc_contradicted(samples, begin)
+        why = f"the first voltage, {first_V:.4g} V, is not the battery's: another one follows and lasts"
+        why = "the log begins without a voltage" if math.isnan(first_V) else why
+        begins_s = self.log.time_s[begin] - self.log.time_s[0]
+        wrong = [f"warning: {why}; the estimates start again after {begins_s:.3g} s"] if again else []
+        return wrong + self._initial_soc_contradicted(samples, begin)
 
     def _initial_soc_contradicted(self, samples: SocSample, begin: int) -> list[str]:
         """A warning where the voltage of the start, in the row `begin`, contradicts the initial SoC."""

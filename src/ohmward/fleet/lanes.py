@@ -7,6 +7,7 @@ samples without a measurement, and its estimates there are dropped.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -62,7 +63,7 @@ def _in_one_piece(estimator: Estimator, log: Log) -> bool:
     if declared_full_at(estimator, log) or after_long_gaps(estimator, np.diff(log.time_s)):
         return False
     model = model_of(estimator)
-    return model is None or not wrong_starts(samples_of(log), model)[0]
+    return model is None or not wrong_starts(samples_of(log), model, waits_s=math.inf)[0]
 
 
 def _side_by_side(

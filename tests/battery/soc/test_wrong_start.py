@@ -1,6 +1,7 @@
 """A first voltage that is possible but not the battery's: of a converter that starts, or of a message too early."""
 
 import copy
+import math
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,33 @@ def test_a_log_that_goes_on_from_wrong_live_samples_starts_again():
     estimator.update(log.time_s[0], log.current_A[0], log.voltage_V[0], 25.0)
     found = copy.copy(estimator).run(log.select(slice(1, None)))
     np.testing.assert_allclose(found.soc, SocEstimator(battery_of("lfp"), TRUE_SOC).run(log).soc[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("chemistry", ["lfp", "nmc"])
+def test_an_unknown_start_waits_for_the_first_voltage(chemistry):
+    """However long: what was estimated before knew nothing."""
+    log, missing = log_of(mission(chemistry), math.nan, 200), 200
+    found = SocEstimator(battery_of(chemistry)).run(log)
+    of_rest = SocEstimator(battery_of(chemistry)).run(log.select(slice(missing, None)))
+    np.testing.assert_allclose(found.soc[missing:], of_rest.soc, atol=0.002)  # the charge of one step apart
+    np.testing.assert_allclose(found.soc_std[missing:], of_rest.soc_std, atol=0.002)
+    assert found.soc_std[missing - 1] > 0.25
+
+
+@pytest.mark.parametrize(("missing", "starts_again"), [(10, True), (40, False)])
+def test_a_given_start_waits_for_the_first_voltage_while_little_charge_moves(missing, starts_again):
+    run = SocEstimator(battery_of("nmc"), 0.3).run(log_of(mission("nmc"), math.nan, missing))
+    assert [k for k, flag in enumerate(run.flags) if int(flag) & SocFlag.RESTARTED] == [missing] * starts_again
+
+
+def test_live_an_unknown_start_waits_as_along_a_log():
+    log = log_of(mission("lfp"), math.nan, 50)
+    live = SocEstimator(battery_of("lfp"))
+    found = [live.update(*row) for row in rows_of(log)]
+    run = SocEstimator(battery_of("lfp")).run(log)
+    np.testing.assert_allclose([estimate.soc for estimate in found], run.soc, atol=1e-9)
+    (lane,) = estimate_logs(run.settings, [log])
+    np.testing.assert_allclose(lane.soc, run.soc, atol=1e-9)
 
 
 def test_a_wrong_voltage_after_a_right_first_one_is_no_wrong_start():

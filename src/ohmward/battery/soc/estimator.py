@@ -33,7 +33,7 @@ from ohmward.battery.soc.sample import (
     SocSample,
     require_soc_std,
 )
-from ohmward.battery.soc.voltage_faults import StartWatch, watch_start, wrong_starts
+from ohmward.battery.soc.voltage_faults import START_SETTLED_S, StartWatch, watch_start, wrong_starts
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
@@ -206,12 +206,17 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         if self._watch is None or self._model is None:
             return False
         if self._state is None:
-            self._watch = watch_start(sample, self._model)
+            self._watch = watch_start(sample, self._model, self._waits_s)
             return False
         self._watch, wrong = self._watch.after(sample, self._model)
         if wrong:
             self._start_again_from(sample, self._model)
         return wrong
+
+    @property
+    def _waits_s(self) -> float:
+        """Longest time for which a new estimate waits for its first voltage [s]."""
+        return math.inf if self.initial_soc is None else START_SETTLED_S
 
     def _start_again_from(self, sample: SocSample, model: Thevenin) -> None:
         """Start from this sample as from the first one, or as from the first one after a gap."""
@@ -352,13 +357,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         watch = events.watch
         wrong: set[int] = set()
         for start, end in zip(starts, [*starts[1:], events.rows], strict=True):
-            if start in events.gaps or (start == since and is_new):
+            begins = start == since and is_new
+            if start in events.gaps or begins:
                 watch = None
             elif watch is None:
                 continue  # the start of this estimate was judged in an earlier log
             full = min((k + 1 for k in events.declared_full if start <= k < end), default=None)
             rows = SocSample(*(column[start : full or end] for column in samples))
-            found, watch = wrong_starts(rows, self._model, watch)
+            found, watch = wrong_starts(rows, self._model, watch, self._waits_s if begins else START_SETTLED_S)
             wrong |= {start + k for k in found}
             watch = None if full else watch
         return replace(events, wrong_starts=wrong, watch=watch)

@@ -180,14 +180,19 @@ class StartWatch(NamedTuple):
     lasts_s: Scalar = 0.0  #: time from the start to the last voltage like the first
     other_V: Scalar = math.nan  #: one that jumped away
     other_s: Scalar = 0.0  #: time for which it has lasted
+    waits_s: float = 0.0  #: longest time to wait for a first voltage, where the first sample has none
 
     def after(self, sample: SocSample, model: Thevenin) -> tuple[StartWatch | None, bool]:
         """The watch after a sample, None once the start is settled, and whether the start was wrong.
 
-        It was wrong if a voltage that jumped away has lasted for longer than the first.
+        It was wrong if a voltage that jumped away has lasted for longer than the first, or if it had none.
         """
+        if math.isnan(self.voltage_V):
+            age_s = self.age_s + (sample.dt_s if sample.dt_s > 0.0 else 0.0)
+            measured = bool(sample_limits(model).is_voltage(sample.voltage_V))
+            return (self._replace(age_s=age_s), measured) if age_s < self.waits_s else (None, False)
         clean = sanitize(sample, self.now, sample_limits(model))
-        if math.isnan(self.voltage_V) or clean.dt_s > JUMP_S:
+        if clean.dt_s > JUMP_S:
             return None, False
         age_s, samples = self.age_s + clean.dt_s, self.samples + 1
         watch = self._replace(now=clean.now, current_A=self.now.current_A, age_s=age_s, samples=samples)
@@ -201,27 +206,30 @@ class StartWatch(NamedTuple):
         return watch, bool(watch.other_s > watch.lasts_s)
 
 
-def watch_start(first: SocSample, model: Thevenin) -> StartWatch:
-    """The watch of a start from the voltage of this sample."""
+def watch_start(first: SocSample, model: Thevenin, waits_s: float = START_SETTLED_S) -> StartWatch:
+    """The watch of a start from the voltage of this sample.
+
+    waits_s: for the first voltage, infinite where nothing else shows the charge.
+    """
     limits = sample_limits(model)
     used = limits.is_voltage(first.voltage_V)
     u = first_input(first, limits.current_A)
-    return StartWatch(first.voltage_V if used else math.nan, u, u.current_A)
+    return StartWatch(first.voltage_V if used else math.nan, u, u.current_A, waits_s=waits_s)
 
 
 def wrong_starts(
-    samples: SocSample, model: Thevenin, watch: StartWatch | None = None
+    samples: SocSample, model: Thevenin, watch: StartWatch | None = None, waits_s: float = START_SETTLED_S
 ) -> tuple[list[int], StartWatch | None]:
     """Rows of samples (T,) from which to start again, and the watch after them, None where the start is settled.
 
-    watch: before the samples; None where the estimator starts from the first of them.
+    watch: before the samples; None where the estimator starts from the first of them.  waits_s: see `watch_start`.
     """
     if watch is None and _hardly_moves(samples, model):
         return [], None
     begin = 0
     again: list[int] = []
     if watch is None:
-        watch = watch_start(row_of(samples, 0), model)
+        watch = watch_start(row_of(samples, 0), model, waits_s)
         begin = 1
     for k in range(begin, len(samples.dt_s)):
         if watch is None:
