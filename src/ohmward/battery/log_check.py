@@ -95,8 +95,22 @@ def check_log(log: Log, battery: Battery) -> Log:
     Likewise where the resistance at its temperatures is uncertain.
 
     Raises:
-        InputError: the median voltage is more than 20 % outside, or no battery of this capacity carries the current:
-            another battery, or another unit.
+        InputError: see `require_log_of`.
+    """
+    require_log_of(log, battery)
+    log = _check_temperature(log, battery)
+    low_V, high_V = battery.voltage_min_V, battery.voltage_max_V
+    outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
+    if not outside.any():
+        return log
+    text = f"{outside.mean():.2%} of the voltages lie outside the battery's tests, {low_V:g} to {high_V:g} V"
+    return log.with_notes(Note(text, "warning"))
+
+
+def require_log_of(log: Log, battery: Battery) -> None:
+    """Raise InputError for a log that cannot be of this battery: another battery, or another unit.
+
+    Its median voltage is more than 20 % outside the tests, or no battery of this capacity carries its current.
     """
     limit_A = _IMPOSSIBLE_C * battery.capacity_Ah
     (current_A,) = where_known(log.current_A)
@@ -116,12 +130,6 @@ def check_log(log: Log, battery: Battery) -> Log:
             f"seen between {low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in "
             "another unit (--unit voltage=mV, units={'voltage': 'mV'})?"
         )
-    log = _check_temperature(log, battery)
-    outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
-    if not outside.any():
-        return log
-    text = f"{outside.mean():.2%} of the voltages lie outside the battery's tests, {low_V:g} to {high_V:g} V"
-    return log.with_notes(Note(text, "warning"))
 
 
 def other_cells(log: Log, battery: Battery) -> str:

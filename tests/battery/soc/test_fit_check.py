@@ -21,6 +21,7 @@ from ohmward.battery.soc.fit_check import (
     moved_uncounted,
 )
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
 
 LABELS = {"lfp": generic_battery("lfp", 12.0, 4), "lead-acid": generic_battery("lead-acid", 12.0, 6)}
@@ -100,10 +101,20 @@ def test_the_charge_of_an_empty_battery_is_counted():
 
 def test_a_run_says_that_its_battery_does_not_fit(tested):
     log = _rest(tested, hours=1.0, current_A=0.0)
-    run = SocEstimator(generic_battery("nmc", 12.0, 8)).run(log)
+    run = SocEstimator(generic_battery("nmc", 12.0, 5)).run(log)
     assert "another number of cells" in str(run.notes[0])
     assert run.explain().sentence.startswith(DO_NOT_TRUST)
     assert SocEstimator(tested, 0.5).run(log).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("n_series", "factor", "unit"), [(8, 1.0, r"voltage=mV"), (4, 1e3, r"current=mA.*units=\{'current': 'mA'\}")]
+)
+def test_a_run_refuses_a_log_that_cannot_be_of_its_battery(tested, n_series, factor, unit):
+    log = _rest(tested, hours=1.0, current_A=-2.0)
+    log = replace(log, current_A=factor * log.current_A)
+    with pytest.raises(InputError, match=rf"is it a log of another battery.*{unit}"):
+        SocEstimator(generic_battery("lfp", 12.0, n_series)).run(log)
 
 
 def test_a_sensor_without_an_error_is_no_misfit(tested):

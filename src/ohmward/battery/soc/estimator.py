@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.log_check import require_log_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.anchor_rule import SocNormal
@@ -254,8 +255,13 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         progress: called now and then with (steps done, T).
         learnt_along: False stores the sensor offset, the capacity, the resistance and their standard deviations at the
             end of the log only, (1,), which takes half of the memory.
+
+        Raises:
+            InputError: the log cannot be of this battery, its voltage or current is far outside.
         """
         log = as_log(log)
+        if self.battery:
+            require_log_of(log, self.battery)
         if self._state is None and log.begin_unix_s is not None:
             self.unix_s = log.begin_unix_s
         estimates, seconds = self._scan_log(log, progress, () if learnt_along else LEARNT_FIELDS)
