@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 /* Another battery, filter or version has another number. */
-#define SOC_IDENTITY 0xB9D10070u
+#define SOC_IDENTITY 0xF37817EFu
 #define SOC_SAVED_BYTES (sizeof(soc_state) + 8u)
 
 /* Write a state as SOC_SAVED_BYTES bytes. */

@@ -119,7 +119,7 @@ def _started(estimator: Any) -> Callable[..., Any]:
 def _start_note(estimator: Any) -> str:
     known = "`soc` (0 to 1) and `soc_std` (above 0) are the state of charge and its standard deviation"
     if carries_errors(estimator):
-        return f"{known}; where `soc` is NAN, both come from the voltage of the sample."
+        return f"{known}; where `soc` is NAN, both come from the voltage of the sample: wait for one that has it."
     return f"{known}, which the first steps correct."
 
 

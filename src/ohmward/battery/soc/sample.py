@@ -122,7 +122,7 @@ class SocFlag(SampleFlag):
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired; by a filter of the laboratory alone
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
-    RESTARTED = 512  # in Python: started again from this sample: the first voltage was wrong, or the state no number
+    RESTARTED = 512  # in Python: started again from this sample: a wrong or missing first voltage, or a state of NaN
     ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
     EXCHANGED = 4096  # in Python: the voltage stepped over a silence: another battery is in, and started from here
