@@ -110,7 +110,7 @@ class SocTask(NamedTuple):
         samples, first_V = samples_of(self.log), self.log.voltage_V[0]
         waits_s = math.inf if self.initial_soc is None else START_SETTLED_S
         again, _ = wrong_starts(samples, self.battery.thevenin, waits_s=waits_s)
-        begin = again[-1] if again else 0
+        begin = max(again, default=0)
         why = f"the first voltage, {first_V:.4g} V, is not the battery's: another one follows and lasts"
         why = "the log begins without a voltage" if math.isnan(first_V) else why
         begins_s = self.log.time_s[begin] - self.log.time_s[0]

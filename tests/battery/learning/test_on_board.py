@@ -94,7 +94,7 @@ def test_the_next_estimator_goes_on_from_the_new_file(estimator):
 
 
 def test_no_correction_goes_beyond_its_bound():
-    spoilt = day(capacity_Ah=3.0, resistance=8.0, offset_A=2.0)
+    spoilt = day(capacity_Ah=5.0, resistance=4.0, offset_A=2.0)
     learnt = learnt_on_board(LABEL, after(LABEL, spoilt))
     std = math.hypot(LABEL.noise.capacity_std, LABEL.sensor.gain_std)
     assert abs(math.log(learnt.capacity_Ah / LABEL.capacity_Ah)) <= MOST_CORRECTION_STD * std + 1e-9

@@ -9,6 +9,7 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import (
     HOLD_S,
     LONGEST_PAUSE_S,
+    WAITS_S,
     WEATHER_STD_K,
     SampleLimits,
     first_input,
@@ -40,11 +41,12 @@ def test_a_good_sample_stays_as_it_is():
 
 
 @pytest.mark.parametrize("current_A", [NAN, INF, -INF, 41.0, -1000.0])
-def test_a_current_that_cannot_be_is_the_last_one_which_fades(current_A):
-    clean = cleaned(SocSample(1.0, current_A, 3.7, 25.0), unknown_s=5.0)
+@pytest.mark.parametrize(("unknown_s", "last_A"), [(5.0, -2.0), (WAITS_S, -2.0 * math.exp(-1.0 / HOLD_S))])
+def test_a_current_that_cannot_be_is_the_last_one_which_fades_after_a_while(current_A, unknown_s, last_A):
+    clean = cleaned(SocSample(1.0, current_A, 3.7, 25.0), unknown_s=unknown_s)
     assert clean.flags == SocFlag.NO_CURRENT
-    assert clean.now.current_A == pytest.approx(-2.0 * math.exp(-1.0 / HOLD_S), rel=1e-12)
-    assert (clean.current_known, clean.current_measured, clean.unknown_s) == (False, False, 6.0)
+    assert clean.now.current_A == pytest.approx(last_A, rel=1e-12)
+    assert (clean.current_known, clean.current_measured, clean.unknown_s) == (False, False, unknown_s + 1.0)
 
 
 def test_without_a_limit_every_finite_current_is_believed():

@@ -185,7 +185,7 @@ def test_the_start_is_settled_after_a_while():
     samples = SocSample(np.ones(rows), np.zeros(rows), np.full(rows, 13.2), np.full(rows, 25.0))
     first = watch_start(SocSample(0.0, 0.0, 13.2, 25.0), battery.thevenin)
     again, watch = wrong_starts(samples, battery.thevenin, first)
-    assert (again, watch) == ([], None)
+    assert (again, watch) == ({}, None)
 
 
 @pytest.mark.parametrize("spread_V", [0.3, 3.0])
@@ -196,4 +196,4 @@ def test_a_voltage_that_hardly_moves_is_settled_as_one_watched_row_by_row(spread
     samples = SocSample(np.r_[0.0, np.ones(rows - 1)], np.zeros(rows), voltage_V, np.full(rows, 25.0))
     first, later = (SocSample(*(column[part] for column in samples)) for part in (0, slice(1, None)))
     again, watch = wrong_starts(later, model, watch_start(first, model))
-    assert wrong_starts(samples, model) == ([k + 1 for k in again], watch)
+    assert wrong_starts(samples, model) == ({k + 1: sample for k, sample in again.items()}, watch)

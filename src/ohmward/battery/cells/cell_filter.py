@@ -43,7 +43,7 @@ from ohmward.battery.soc.clean_sample import (
     without_voltage,
 )
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.battery.soc.voltage_faults import FROZEN_STD
+from ohmward.battery.soc.voltage_faults import FROZEN_STD, stands_for
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -169,6 +169,7 @@ class CellState(NamedTuple):
     unknown_s: Scalar  #: time for which the current has not been known
     held_V: Scalar = -1.0  #: last measured voltage; at the start one that no cell has
     came_V: Scalar = 0.0  #: voltage of the typical cell when that one first came
+    voltage_age_s: Scalar = 0.0  #: time since a voltage was used
 
 
 @dataclass(frozen=True)
@@ -231,10 +232,11 @@ class CellFilter:
         accepted = clean.voltage_measured & passes(innovation, self.gate)
         posterior = self.within_limits(choose(accepted, corrected, prior), typical)
         contradicts = contradicts & logical_not(diverged)  # a reset restarts the timer
-        rejected_s = time_rejected(state.rejected_s, clean.dt_s, contradicts, clean.voltage_measured)
+        rejected_s = time_rejected(state.rejected_s, stands_for(clean), contradicts, clean.voltage_measured)
         after = CellState(
             pack(posterior), pair_V, typical.soc, clean.now.current_A, clean.now.temperature_degC, rejected_s,
             clean.unknown_s, where(measured.voltage_measured, measured.voltage_V, state.held_V), came_V,
+            where(clean.voltage_measured, 0.0, clean.voltage_step_s),
         )  # fmt: skip
         flags = clean.flags + flags_of(
             {
@@ -247,7 +249,7 @@ class CellFilter:
     def sanitize(self, state: CellState, sample: CellSample) -> CleanSocSample:
         """Sample with impossible values replaced and flagged; no voltage without a typical cell or while gassing."""
         before = CircuitInput(state.current_A, state.temperature_degC)
-        clean = sanitize(_of_pack(sample), before, self.limits, state.unknown_s)
+        clean = sanitize(_of_pack(sample), before, self.limits, state.unknown_s, state.voltage_age_s)
         usable = clean.voltage_measured & (sample.typical.voltage_V > 0.0)
         if self.model.gassing_V is not None:
             usable = usable & (clean.voltage_V < self.model.gassing_V)
@@ -320,7 +322,7 @@ class CellFilter:
         """
         u = CircuitInput(clean.now.current_A - typical.current_offset_A, clean.now.temperature_degC)
         expected_V, H, variance = self.expect(prior, typical, 1.0 / self.soh(typical), (u, pair_V))
-        R = np.array([[variance * self.noise.samples_per_error(clean.dt_s)]])
+        R = np.array([[variance * self.noise.samples_per_error(clean.voltage_step_s)]])
         C = prior.cov @ H.T
         S = mirror_lower(H @ C + R)
         K = gain(C, S)

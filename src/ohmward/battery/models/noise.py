@@ -210,7 +210,7 @@ class BatteryNoise:
         return self.resistance_variance(coldness_per_K(u.error_degC, p.reference_degC)) + weather * weather
 
     def samples_per_error(self, dt_s: Scalar) -> Scalar:
-        """Number of samples that share one error that persists for `correlation_s`, at least 1: the factor of R."""
+        """Number of voltages, dt_s apart, that share an error that persists for `correlation_s`: the factor of R."""
         return maximum(1.0, 2 * self.correlation_s / maximum(dt_s, _SHORTEST_STEP_S))
 
 

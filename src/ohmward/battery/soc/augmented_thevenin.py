@@ -64,7 +64,7 @@ from ohmward.battery.models.thevenin import (
     scaled_hysteresis,
     voltage,
 )
-from ohmward.battery.soc.clean_sample import CleanSocSample
+from ohmward.battery.soc.clean_sample import WAITS_S, CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
 from ohmward.battery.soc.initial_soc import axis_error_V, lasting_std_V
 from ohmward.filters.belief import Belief
@@ -346,7 +346,7 @@ class AugmentedThevenin:
 
     def walk_A(self, clean: CleanSocSample) -> Scalar:
         """Standard deviation [A] of the current that would cause the random walk of the RC voltages."""
-        return where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * self.model.capacity_Ah
+        return where(clean.unknown_s < WAITS_S, PAIR_CURRENT_C, MOMENTARY_C) * self.model.capacity_Ah
 
     def pair_ohm(self, x: np.ndarray, clean: CleanSocSample) -> list[Any]:
         """Resistances [ohm] of the RC pairs in state x."""
@@ -392,7 +392,7 @@ class AugmentedThevenin:
         return VoltageError(
             model_std_V=np.sqrt(curve_V**2 + uncertain_V2),
             variance=noise.voltage_std_V**2 + uncertain_V2 + tangent_V2 + unmeasured_V * unmeasured_V,
-            weight=noise.samples_per_error(clean.dt_s),
+            weight=noise.samples_per_error(clean.voltage_step_s),
             uncertain_V2=uncertain_V2,
             tangent_V=tangent_V,
             tangent_V2=tangent_V2,

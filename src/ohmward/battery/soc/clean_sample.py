@@ -17,6 +17,10 @@ from ohmward.trace.expression import Scalar
 #: Time constant with which the last current fades while none is measured [s].
 HOLD_S = 30.0
 
+#: Time [s] for which a current that is not measured stays the last one, and a voltage waits for the next one, as where
+#: the two come one after the other.
+WAITS_S = 10.0
+
 #: A longer step says nothing about the current between its two samples [s].
 CURRENT_GAP_S = 600.0
 
@@ -64,13 +68,15 @@ class CleanSocSample(NamedTuple):
 
     dt_s: Scalar  #: step [s], >= 0
     mean: CircuitInput  #: mean current over the step and temperature
-    now: CircuitInput  #: current of this instant and temperature
+    now: CircuitInput  #: current at the instant of the voltage, usually this one, and temperature
+    latest_A: Scalar  #: current of this instant
     change_A: Scalar  #: current now minus current before
     current_measured: Any  #: the condition that the current of this instant is measured
     current_known: Any  #: the condition that it is measured, and close enough in time to the previous one
     unknown_s: Scalar  #: time for which the current has not been known, this step included; 0 where it is known
     voltage_V: Scalar  #: measured terminal voltage; 0 where it is missing
     voltage_measured: Any  #: the condition that it is measured
+    voltage_step_s: Scalar  #: time since the voltage before [s], this step included
     flags: Scalar  #: sum of `SocFlag`
 
 
@@ -92,7 +98,11 @@ class Rest(NamedTuple):
 
 
 def sanitize(
-    sample: SocSample, before: CircuitInput, limits: SampleLimits, unknown_before_s: Scalar = 0.0
+    sample: SocSample,
+    before: CircuitInput,
+    limits: SampleLimits,
+    unknown_before_s: Scalar = 0.0,
+    voltage_age_s: Scalar = 0.0,
 ) -> CleanSocSample:
     """The sample with impossible values replaced by the last credible ones, and flagged.
 
@@ -101,12 +111,15 @@ def sanitize(
 
     before: last current and temperature.
     unknown_before_s: time for which the current was unknown before this step.
+    voltage_age_s: time since the last voltage before this step.
     """
     step = sanitize_step(sample.dt_s, LONGEST_PAUSE_S, limits.gap_s)
     current_measured = limits.is_current(sample.current_A)
     current_known = current_measured & logical_not(step.gap)
     voltage_measured = limits.is_voltage(sample.voltage_V)
-    current_A = hold(sample.current_A, current_measured, before.current_A, step.dt_s, HOLD_S)
+    unknown_s = unknown_before_s + step.dt_s
+    fades_s = where(unknown_s > WAITS_S, step.dt_s, 0.0)
+    current_A = hold(sample.current_A, current_measured, before.current_A, fades_s, HOLD_S)
     temperature_measured = is_temperature(sample.temperature_degC)
     temperature_degC = hold(sample.temperature_degC, temperature_measured, before.temperature_degC)
     unknown_K = where(temperature_measured, 0.0, before.unknown_K)
@@ -115,12 +128,14 @@ def sanitize(
         dt_s=step.dt_s,
         mean=CircuitInput(0.5 * (current_A + before.current_A) * line_share, temperature_degC, unknown_K),
         now=CircuitInput(current_A, temperature_degC, unknown_K),
+        latest_A=current_A,
         change_A=current_A - before.current_A,
         current_measured=current_measured,
         current_known=current_known,
-        unknown_s=where(current_known, 0.0, unknown_before_s + step.dt_s),
+        unknown_s=where(current_known, 0.0, unknown_s),
         voltage_V=where(voltage_measured, sample.voltage_V, 0.0),
         voltage_measured=voltage_measured,
+        voltage_step_s=voltage_age_s + step.dt_s,
         flags=flags_of(
             {
                 SocFlag.NO_CURRENT: logical_not(current_measured),

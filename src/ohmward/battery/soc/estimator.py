@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self, cast
 
@@ -65,7 +65,8 @@ class LogEvents:
     gaps: Mapping[int, float]  #: rows after a gap with unknown current, and the length of each gap [s]
     declared_full: Collection[int]  #: rows at which a column reports a full battery
     watch: StartWatch | None  #: of the start of the estimate, after the log
-    wrong_starts: Collection[int] = ()  #: rows from which the estimate starts again
+    #: rows from which the estimate starts again, each with the sample that it starts from
+    wrong_starts: Mapping[int, SocSample] = field(default_factory=dict)
     exchanged: int = -1  #: row from which on another battery is in, the last one found
 
     @cached_property
@@ -209,10 +210,10 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         if self._state is None:
             self._watch = watch_start(sample, self._model, self._waits_s)
             return False
-        self._watch, wrong = self._watch.after(sample, self._model)
-        if wrong:
-            self._start_again_from(sample, self._model)
-        return wrong
+        self._watch, start = self._watch.after(sample, self._model)
+        if start is not None:
+            self._start_again_from(start, self._model)
+        return start is not None
 
     @property
     def _waits_s(self) -> float:
@@ -337,7 +338,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         if begin == events.exchanged:
             self.state, self.memory, self._before_gap = self.init_again(first), _NO_MEMORY, None
         if begin in events.wrong_starts and self._model:
-            self._start_again_from(first, self._model)
+            self._start_again_from(events.wrong_starts[begin], self._model)
 
     def _exchanged_at(self, samples: SocSample, estimates: SocEstimate, part: slice) -> int | None:
         """First row in a part of the estimates along a log that shows another battery."""
@@ -361,7 +362,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             return events
         starts = sorted({since, *(k for k in events.gaps if k > since)})
         watch = events.watch
-        wrong: set[int] = set()
+        wrong: dict[int, SocSample] = {}
         for start, end in zip(starts, [*starts[1:], events.rows], strict=True):
             begins = start == since and is_new
             if start in events.gaps or begins:
@@ -371,7 +372,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             full = min((k + 1 for k in events.declared_full if start <= k < end), default=None)
             rows = SocSample(*(column[start : full or end] for column in samples))
             found, watch = wrong_starts(rows, self._model, watch, self._waits_s if begins else START_SETTLED_S)
-            wrong |= {start + k for k in found}
+            wrong |= {start + k: sample for k, sample in found.items()}
             watch = None if full else watch
         return replace(events, wrong_starts=wrong, watch=watch)
 

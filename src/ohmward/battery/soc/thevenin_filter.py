@@ -40,6 +40,8 @@ from ohmward.battery.soc.voltage_faults import (
     LevelJudgement,
     LevelLimits,
     VoltageLevel,
+    beside_current,
+    stands_for,
     without_frozen,
 )
 from ohmward.checks import require_between, require_finite, require_one_of, require_positive
@@ -291,11 +293,12 @@ class TheveninFilter:
         posterior, limited = self.within_limits(update.belief)
 
         contradicts_still = update.contradicts & logical_not(diverged)  # a reset restarts the timer
-        rejected_s = time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured)
+        stands_for_s = stands_for(clean)
+        rejected_s = time_rejected(state.rejected_s, stands_for_s, contradicts_still, clean.voltage_measured)
         after = FilterState(
             pack(posterior),
             update.noise,
-            clean.now.current_A,
+            clean.latest_A,
             clean.now.temperature_degC,
             rest_s,
             where(judgement.returns, self.reset_after_s + 1.0, rejected_s),
@@ -319,7 +322,8 @@ class TheveninFilter:
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
-        held, misled, clean = without_frozen(state.held, self.sanitize(state, sample), self.model, self.noise)
+        waiting, paired = beside_current(state.held, self.sanitize(state, sample), state.unknown_s)
+        held, misled, clean = without_frozen(waiting, paired, self.model, self.noise)
         find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_end
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
@@ -327,7 +331,7 @@ class TheveninFilter:
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample with impossible values replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC, state.unknown_K)
-        return sanitize(sample, before, self.limits, state.unknown_s)
+        return sanitize(sample, before, self.limits, state.unknown_s, state.held.age_s)
 
     def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
         """The sample of a gassing battery without the parts that say nothing about its charge.
@@ -411,7 +415,7 @@ class TheveninFilter:
             level=foresight.level.after(
                 nu,
                 nu * R / correction.innovation.cov[0, 0],
-                clean.dt_s,
+                stands_for(clean),
                 foresight.measured,
                 judgement,
                 self.level_limits,

@@ -20,6 +20,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import (
+    WAITS_S,
     CleanSocSample,
     first_input,
     sample_limits,
@@ -42,6 +43,8 @@ FROZEN_S = 60.0
 #: A voltage jumps if it changes by more than this share of the full battery's beyond zero to this many times the drop
 #: that the change of the current causes, within this time [s].
 JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
+#: Smallest time [s] used as a divisor.
+_LEAST_S = 1e-6
 
 #: A start is settled after this time [s], and this many samples: a few wrong ones at 0.1 Hz last as long.
 START_SETTLED_S, START_SETTLED_AFTER = 30.0, 10
@@ -154,6 +157,9 @@ class HeldVoltage(NamedTuple):
     used_s: Scalar = 0.0  #: time for which that voltage has been used since it first came
     frozen: Scalar = 0.0  #: 1 where the load has changed too much meanwhile for the sensor to be alive
     current_A: Scalar = 0.0  #: current of the sample before the last
+    age_s: Scalar = 0.0  #: time since a voltage was used
+    waiting_V: Scalar = 0.0  #: voltage that waits for the next current; 0 for none
+    waiting_s: Scalar = 0.0  #: time between the current before it and that voltage
 
 
 def is_alike(clean: CleanSocSample, before_V: Scalar, earlier_A: Scalar, model: Thevenin) -> Any:
@@ -181,29 +187,37 @@ class StartWatch(NamedTuple):
     other_V: Scalar = math.nan  #: one that jumped away
     other_s: Scalar = 0.0  #: time for which it has lasted
     waits_s: float = 0.0  #: longest time to wait for a first voltage, where the first sample has none
+    unknown_s: Scalar = 0.0  #: time since the last current; infinite before the first
+    has_current: bool = True  #: whether the start had a current beside its voltage
 
-    def after(self, sample: SocSample, model: Thevenin) -> tuple[StartWatch | None, bool]:
-        """The watch after a sample, None once the start is settled, and whether the start was wrong.
+    def after(self, sample: SocSample, model: Thevenin) -> tuple[StartWatch | None, SocSample | None]:
+        """The watch after a sample, None once the start is settled, and a sample to start again from, if any.
 
-        It was wrong if a voltage that jumped away has lasted for longer than the first, or if it had none.
+        The start was wrong if a voltage that jumped away has lasted for longer than the first, or if it had none, or no
+        current beside it: where the two come one after the other, that sample has the last of each.
         """
-        if math.isnan(self.voltage_V):
-            age_s = self.age_s + (sample.dt_s if sample.dt_s > 0.0 else 0.0)
-            measured = bool(sample_limits(model).is_voltage(sample.voltage_V))
-            return (self._replace(age_s=age_s), measured) if age_s < self.waits_s else (None, False)
-        clean = sanitize(sample, self.now, sample_limits(model))
-        if clean.dt_s > JUMP_S:
-            return None, False
+        clean = sanitize(sample, self.now, sample_limits(model), self.unknown_s)
         age_s, samples = self.age_s + clean.dt_s, self.samples + 1
-        watch = self._replace(now=clean.now, current_A=self.now.current_A, age_s=age_s, samples=samples)
+        watch = self._replace(
+            now=clean.now, current_A=self.now.current_A, age_s=age_s, samples=samples, unknown_s=clean.unknown_s
+        )
+        if math.isnan(self.voltage_V):
+            if not clean.voltage_measured:
+                return (watch if age_s < self.waits_s else None), None
+            latest_A = clean.latest_A if clean.unknown_s < WAITS_S else sample.current_A
+            return watch, sample._replace(current_A=latest_A) if age_s < self.waits_s else None
+        if clean.dt_s > JUMP_S:
+            return None, None
+        if clean.current_measured and not self.has_current and age_s < WAITS_S:
+            return watch, sample._replace(voltage_V=clean.voltage_V if clean.voltage_measured else self.voltage_V)
         if not clean.voltage_measured:
-            return watch, False
+            return watch, None
         if is_alike(clean, self.voltage_V, self.current_A, model):
             alike = watch._replace(voltage_V=clean.voltage_V, lasts_s=watch.age_s, other_V=math.nan)
-            return (alike if age_s < START_SETTLED_S or samples < START_SETTLED_AFTER else None), False
+            return (alike if age_s < START_SETTLED_S or samples < START_SETTLED_AFTER else None), None
         again = is_alike(clean, self.other_V, self.current_A, model)
         watch = watch._replace(other_V=clean.voltage_V, other_s=self.other_s + clean.dt_s if again else 0.0)
-        return watch, bool(watch.other_s > watch.lasts_s)
+        return watch, sample if watch.other_s > watch.lasts_s else None
 
 
 def watch_start(first: SocSample, model: Thevenin, waits_s: float = START_SETTLED_S) -> StartWatch:
@@ -212,33 +226,41 @@ def watch_start(first: SocSample, model: Thevenin, waits_s: float = START_SETTLE
     waits_s: for the first voltage, infinite where nothing else shows the charge.
     """
     limits = sample_limits(model)
-    used = limits.is_voltage(first.voltage_V)
+    used, has_current = limits.is_voltage(first.voltage_V), bool(limits.is_current(first.current_A))
     u = first_input(first, limits.current_A)
-    return StartWatch(first.voltage_V if used else math.nan, u, u.current_A, waits_s=waits_s)
+    return StartWatch(
+        first.voltage_V if used else math.nan,
+        u,
+        u.current_A,
+        waits_s=waits_s,
+        unknown_s=0.0 if has_current else math.inf,
+        has_current=has_current,
+    )
 
 
 def wrong_starts(
     samples: SocSample, model: Thevenin, watch: StartWatch | None = None, waits_s: float = START_SETTLED_S
-) -> tuple[list[int], StartWatch | None]:
-    """Rows of samples (T,) from which to start again, and the watch after them, None where the start is settled.
+) -> tuple[dict[int, SocSample], StartWatch | None]:
+    """Rows of samples (T,) from which to start again, each with its sample, and the watch after them.
+
+    The watch is None where the start is settled.
 
     watch: before the samples; None where the estimator starts from the first of them.  waits_s: see `watch_start`.
     """
     if watch is None and _hardly_moves(samples, model):
-        return [], None
+        return {}, None
     begin = 0
-    again: list[int] = []
+    again: dict[int, SocSample] = {}
     if watch is None:
         watch = watch_start(row_of(samples, 0), model, waits_s)
         begin = 1
     for k in range(begin, len(samples.dt_s)):
         if watch is None:
             break
-        sample = row_of(samples, k)
-        watch, wrong = watch.after(sample, model)
-        if wrong:
-            again.append(k)
-            watch = watch_start(sample, model)
+        watch, start = watch.after(row_of(samples, k), model)
+        if start is not None:
+            again[k] = start
+            watch = watch_start(start, model)
     return again, watch
 
 
@@ -251,10 +273,41 @@ def _hardly_moves(samples: SocSample, model: Thevenin) -> bool:
             break
     else:
         return False
+    if not math.isfinite(samples.current_A[0]):
+        return False
     until = slice(0, max(int(settled[0]) + 1, START_SETTLED_AFTER))
     steps_s = samples.dt_s[until][1:]
     regular = bool(np.all((steps_s >= 0.0) & (steps_s <= JUMP_S)))
     return regular and bool(np.ptp(samples.voltage_V[until]) <= JUMP_SHARE * model.ocv.voltage_V[-1])
+
+
+def beside_current(
+    before: HeldVoltage, clean: CleanSocSample, unknown_before_s: Scalar
+) -> tuple[HeldVoltage, CleanSocSample]:
+    """The memory after the sample, and the sample with its voltage where a current is known on both sides of it.
+
+    A voltage without a current waits for the next one, and is used with the current between the two at its time: beside
+    the last current alone, each change of the load would pass for an error of the voltage. Without a current for
+    `WAITS_S` it is used as it is.
+    """
+    alone = clean.voltage_measured & logical_not(clean.current_measured) & (clean.unknown_s < WAITS_S)
+    comes = clean.current_known & logical_not(clean.voltage_measured) & (before.waiting_V > 0.0)
+    share = before.waiting_s / maximum(unknown_before_s + clean.dt_s, _LEAST_S)
+    at_voltage_A = clean.latest_A - where(comes, 1.0 - share, 0.0) * clean.change_A
+    held = before._replace(
+        waiting_V=where(alone, clean.voltage_V, where(clean.current_measured, 0.0, before.waiting_V)),
+        waiting_s=where(alone, clean.unknown_s, before.waiting_s),
+    )
+    return held, clean._replace(
+        now=clean.now._replace(current_A=at_voltage_A),
+        voltage_V=where(comes, before.waiting_V, where(alone, 0.0, clean.voltage_V)),
+        voltage_measured=comes | (clean.voltage_measured & logical_not(alone)),
+    )
+
+
+def stands_for(clean: CleanSocSample) -> Scalar:
+    """Time [s] that a voltage stands for: since the one before, but after a long absence not more than `JUMP_S`."""
+    return maximum(clean.dt_s, minimum(clean.voltage_step_s, JUMP_S))
 
 
 def without_frozen(
@@ -268,16 +321,18 @@ def without_frozen(
     """
     load_A = minimum(clean.now.current_A, 0.0)
     same = clean.voltage_measured & (clean.voltage_V == before.voltage_V)
+    other = clean.voltage_measured & logical_not(same)
     least_ohm = float(np.median(model.r0_discharge_ohm)) * math.exp(-noise.resistance_std)
     drop_V = least_ohm * abs(load_A - before.load_A)
     frozen = same & ((before.frozen > 0.0) | (drop_V > FROZEN_STD * noise.voltage_std_V))
     held = before._replace(
         voltage_V=where(clean.voltage_measured, clean.voltage_V, before.voltage_V),
-        load_A=where(same, before.load_A, load_A),
-        used_s=where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
-        frozen=where(frozen, 1.0, 0.0),
-        current_A=clean.now.current_A - clean.change_A,
+        load_A=where(other, load_A, before.load_A),
+        used_s=where(other, 0.0, before.used_s + where(same & logical_not(frozen), clean.voltage_step_s, 0.0)),
+        frozen=where(clean.voltage_measured, where(frozen, 1.0, 0.0), before.frozen),
+        current_A=clean.latest_A - clean.change_A,
+        age_s=where(clean.voltage_measured & logical_not(frozen), 0.0, clean.voltage_step_s),
     )
     came_V = abs(clean.voltage_V - before.voltage_V)
-    misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
+    misled = other & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
     return held, misled & (came_V < 0.5 * drop_V), without_voltage(clean, frozen, SocFlag.NO_VOLTAGE)
