@@ -169,7 +169,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         time_s: time stamp. A late sample (its time stamp before the previous one) is used without a step in time; if
             it is earlier by more than a minute, or the fifth late one in a row, the clock is assumed to have been set,
             and time continues from there.
-        current_A: > 0 charges.
+        current_A: > 0 charges. Current and voltage may come one after the other, each None where the other comes.
 
         Raises:
             InputError: something other than a number.
