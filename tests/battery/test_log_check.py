@@ -42,6 +42,12 @@ def test_a_log_without_a_voltage_contradicts_no_number_of_cells():
     assert other_cells(log(math.nan), BATTERY) == ""
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_log_without_a_voltage_may_be_of_any_battery():
+    without = log(math.nan)
+    assert check_log(without, BATTERY) is without
+
+
 @pytest.mark.parametrize("share", [0.25, 2.0])
 def test_another_battery_is_refused(share):
     with pytest.raises(InputError, match="is it a log of another battery, of one of its cells, or in another unit"):

@@ -135,8 +135,6 @@ def require_log_of(log: Log, battery: Battery) -> None:
 def other_cells(log: Log, battery: Battery) -> str:
     """Contradiction of the level or the shape of the voltage with the file's number of cells; "" for none."""
     own, curve_V = int(battery.n_series), battery.thevenin.ocv.voltage_V
-    if not np.isfinite(log.voltage_V).any():
-        return ""
     if not _is_usually_within(log.voltage_V, curve_V[0], (1 + ABOVE_FULL) * curve_V[-1]):
         return (
             f"its usual voltage, {np.nanmedian(log.voltage_V):.4g} V, contradicts the battery file, {curve_V[0]:.4g} V "
@@ -178,9 +176,10 @@ def other_capacity(log: Log, battery: Battery) -> str:
 
 
 def _is_usually_within(values: np.ndarray, low: float, high: float) -> bool:
-    """True where the median of the values (T,) lies within the limits, as it does if all of them do; nan left out."""
-    all_within = low <= np.fmin.reduce(values) and np.fmax.reduce(values) <= high
-    return bool(all_within or low <= np.nanmedian(values) <= high)
+    """True where the median of the values (T,) lies within the limits, as it does if all or none do; nan left out."""
+    none_known = np.isnan(least := np.fmin.reduce(values))
+    all_within = low <= least and np.fmax.reduce(values) <= high
+    return bool(none_known or all_within or low <= np.nanmedian(values) <= high)
 
 
 class _WindowMeans(NamedTuple):
