@@ -1,10 +1,12 @@
 import gzip
+from time import process_time
 
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import read_log
+from ohmward.logs.columns import unique_names
 from ohmward.logs.csv_file import open_csv
 
 
@@ -227,3 +229,38 @@ def test_a_decimal_after_points_between_thousands_is_refused(write_text):
     text = "\n".join(["time_s;current_mA;voltage_mV", *rows, "3000;0;12.5"]).replace(";0.000", ";0")
     with pytest.raises(InputError, match=r"log.csv, column 'voltage_mV': the point in '12\.5' stands before decimals"):
         read_log(write_text(text))
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("row", [7, 4999])
+def test_a_quoted_cell_may_have_line_breaks(write_text, place, row):
+    """Also where a block of lines ends in it; the cell has as many commas as make a row of its last line."""
+    rows = [[f"{k}", f"{-1.5 - k % 3}", f"{12.1 - 0.1 * (k % 3):.1f}"] for k in range(5003)]
+    for k, cells in enumerate(rows):
+        cells.insert(place, '"he said ""stop""\nand, 5, 7"' if k == row else "none")
+    names = ["time_s", "current_A", "voltage_V"]
+    names.insert(place, "remark")
+    log = read_log(write_text("".join(",".join(cells) + "\n" for cells in (names, *rows))), current_sign="charge")
+    np.testing.assert_array_equal(log.time_s, np.arange(5003.0))
+    np.testing.assert_allclose(log.current_A, -1.5 - np.arange(5003) % 3)
+    assert not [note for note in log.notes if note.level == "warning"]
+
+
+def test_zeros_behind_the_last_line_are_a_line_that_was_cut_off(write_text):
+    rows = "".join(f"{k},-1.5,12.{k}\n" for k in range(9))
+    log = read_log(write_text(f"time_s,current_A,voltage_V\n{rows}{chr(0) * 500}"), current_sign="charge")
+    assert len(log) == 9
+    assert [note.text for note in log.notes if note.level == "warning"] == ["the last line (11) is cut off: dropped"]
+
+
+def test_the_time_to_name_columns_grows_with_their_number():
+    names = [f"x{k}" for k in range(30_000)]
+    start_s = process_time()
+    assert unique_names(names) == tuple(names)
+    assert process_time() - start_s < 3.0
+
+
+def test_a_log_of_a_logger_without_its_sensor_is_refused(write_text):
+    rows = "".join(f"{k},0,0\n" for k in range(50))
+    with pytest.raises(InputError, match=r"no measured voltage is left \(50 rows of 0 A and 0 V left out"):
+        read_log(write_text(f"time_s,current_A,voltage_V\n{rows}"), current_sign="charge")

@@ -38,6 +38,7 @@ def _zip(*names: str) -> bytes:
         (gzip.compress(b"log.csv".ljust(257, b"\0") + b"ustar" + bytes(250)), "an archive of tar; unpack it"),
         (_zip("a.csv", "b.csv"), r"an archive of 2 logs \('a.csv', 'b.csv'\); unpack it"),
         (b"%PDF-1.7\n" + bytes(90), "PDF document"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "`git lfs pull`"),
         (b'<?xml version="1.0"?>\n<!-- a mower -->\n<robot name="m">', "a URDF; .*ohmward robot FILE"),
         (b"\n<TABLE border=1><tr><th>Time</th></tr>", "a page of HTML, .*save it as .xlsx or CSV"),
         (b'<?xml version="1.0"?>\n<log><s t="0"/></log>', "XML; export the log as CSV"),

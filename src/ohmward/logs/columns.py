@@ -233,14 +233,17 @@ def _differences(name: str, other: str) -> int:
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names, with a number before the unit of repeated ones: `Temp`, `Temp 2`; `I 2 [A]`."""
     unique: list[str] = []
+    taken: set[str] = set()
+    numbers: dict[str, int] = {}  # the next of each repeated name
     for name in names:
         stem, unit = split_unit(name)[0]
-        number = 2
         free = name
-        while free and free in unique:
+        while free and free in taken:
+            number = numbers.get(name, 2)
             free = f"{stem} {number} [{unit.symbol}]" if unit else f"{name} {number}"
-            number += 1
+            numbers[name] = number + 1
         unique.append(free)
+        taken.add(free)
     return tuple(unique)
 
 

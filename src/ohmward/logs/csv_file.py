@@ -84,12 +84,13 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
         table = Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
         return _without_cut_number(path, layout, table)
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    place = {name: k for k, name in enumerate(layout.names)}
     lines: list[np.ndarray] = []
     notes: list[Note] = []
     for rows, line in _blocks(path, layout, notes, progress):
         lines.append(line)
         for name in names:
-            cells = list(map(itemgetter(layout.names.index(name)), rows))
+            cells = list(map(itemgetter(place[name]), rows))
             try:
                 columns[name].append(parse_cells(cells, layout.marks, layout.units.get(name)))
             except InputError as error:
@@ -161,8 +162,12 @@ def _repair(
     for k, row in enumerate(rows):
         while len(row) > width and not row[-1].strip():
             rows[k] = row = row[:-1]
-    # a truncated row of numbers is no remark
-    remarks = [k for k, row in enumerate(rows) if len(row) != width and not (is_data(row) or is_value(row[0]))]
+    # a truncated row of numbers is no remark, nor are the zeros of a power failure
+    remarks = [
+        k
+        for k, row in enumerate(rows)
+        if len(row) != width and not (is_data(row) or is_value(row[0]) or "\0" in row[0])
+    ]
     if remarks and len(remarks) < _MOST_REMARKS * len(rows):
         excerpt = layout.delimiter.join(rows[remarks[0]])[:40]
         text = f"{counted(len(remarks), 'line')} of text left out, the first in line {line[remarks[0]]}: {excerpt!r}"

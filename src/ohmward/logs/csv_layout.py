@@ -9,7 +9,7 @@ import io
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
 
@@ -152,6 +152,8 @@ _SEPARATOR_LINE = re.compile(r'^"?sep=(?P<mark>.)"?$', re.IGNORECASE)
 _INTERVAL = re.compile(r"^Delta_X\s+(?P<seconds>[\d.,Ee+-]+)")
 #: Lines processed at a time.
 _BLOCK_LINES = 5_000
+#: Lines read on where a block may end within a quoted cell.
+_LINES_OF_CELL = 50
 #: Separator after the time that the serial monitor of Arduino writes before a line.
 _ARROW = " -> "
 #: Delimiters take precedence over spaces, which occur in dates and names, if they divide this share of the rows.
@@ -472,7 +474,7 @@ def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
 
 
 def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int], damaged: list[int]) -> Iterator[str]:
-    """The lines below the header, one row each.
+    """The lines below the header, one row each; behind a row with line breaks in a quoted cell stand empty lines.
 
     An unclosed quote is left out, and its line number added to `stray`; a line with zeros that a power failure left is
     empty, and added to `damaged`. The last line keeps them.
@@ -486,6 +488,9 @@ def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int], damaged: list[
             damaged += [first + k for k in zeros]
             block = ["\n" if k in zeros else line for k, line in enumerate(block)]
         if '"' in "".join(block):
+            if "".join(block).count('"') % 2:
+                block += islice(stream, _LINES_OF_CELL)
+            block = block if layout.split else _with_whole_cells(block, layout)
             stray += [first + k for k, line in enumerate(block) if line.count('"') % 2]
             block = [line.replace('"', "") if line.count('"') % 2 else line for line in block]
         if layout.leading:
@@ -493,3 +498,25 @@ def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int], damaged: list[
             block = [line if line.startswith(empty) else "\n" for line in block]
         yield from map(layout.split, block) if layout.split else block
         first += len(block)
+
+
+def _with_whole_cells(lines: list[str], layout: CsvLayout) -> list[str]:
+    """The lines, with those of a quoted cell with line breaks joined in its first and empty behind it (RFC 4180).
+
+    A quote that nothing closes joins nothing: the lines behind it are rows themselves.
+    """
+    whole, width = list(lines), len(layout.names)
+
+    def is_row(line: str) -> bool:
+        return len(split_cells(line.replace('"', ""), layout.delimiter)) == width
+
+    unclosed = [k for k, line in enumerate(lines) if line.count('"') % 2]
+    for first, last in pairwise(unclosed):
+        begin, *within, end = lines[first : last + 1]
+        is_joined = whole[first] != begin
+        if is_joined or len(within) > _LINES_OF_CELL or any(map(is_row, within)) or (is_row(begin) and is_row(end)):
+            continue
+        row = " ".join(line.rstrip("\r\n") for line in (begin, *within, end))
+        if len(split_cells(row, layout.delimiter)) == width:
+            whole[first : last + 1] = [f"{row}\n", *["\n"] * (last - first)]
+    return whole

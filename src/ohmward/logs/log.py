@@ -310,6 +310,9 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _from_start(table, measured["time"], rows.start_unix_s)
     current_A, voltage_V, faults = clean.without_faults(time_s, measured["current"], measured["voltage"])
+    if np.isnan(voltage_V).all():
+        why = "; ".join(note.text for note in faults)
+        raise InputError(f"{file.source}: no measured voltage is left ({why}); was the sensor connected?")
     warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
     if chosen["current"].unit is None:
         warnings += _other_than_amperes(chosen["current"].name, current_A, voltage_V)

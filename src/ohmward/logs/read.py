@@ -99,6 +99,7 @@ _KNOWN = tuple(
         ),
         (rb"\s*<\?xml", "XML; export the log as CSV with the program that wrote it, or give pandas.read_xml(FILE)"),
         (rb".{257}ustar", "an archive of tar; unpack it and name the log in it"),
+        (rb"version https://git-lfs", "a pointer of Git LFS to the log; fetch that with `git lfs pull`"),
         (rb"%PDF-", "a PDF document; export the numbers as CSV"),
         (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", "a packed file; unpack it first"),
     )
@@ -337,9 +338,10 @@ def _read_rows(
     fraction = fraction_column(file.names, time)
     own = {column.name for column in columns.values()} | {fraction[0] if fraction else time, date or time}
     extra = file.names if wanted.extra is None else wanted.extra
-    if unknown := [name for name in extra if name not in file.names]:
+    in_file = set(file.names)
+    if unknown := [name for name in extra if name not in in_file]:
         raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")
-    names = {*own, *extra, *wanted.where} & set(file.names)
+    names = {*own, *extra, *wanted.where} & in_file
     table = file.load({*names, *filter(selection.names_instances, file.names)}, wanted.progress)
     labels = dict(wanted.where)
     if file.choose:
