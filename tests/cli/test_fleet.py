@@ -65,6 +65,17 @@ def test_a_folder_is_all_of_its_logs(folder, capsys):
     assert json.loads(capsys.readouterr().out)["logs"] == 3
 
 
+@pytest.mark.parametrize("by_shell", [True, False])
+def test_a_link_that_leads_nowhere_stops_no_other_log(folder, capsys, by_shell):
+    (folder / "logs" / "nowhere.csv").symlink_to("gone.csv")
+    (folder / "logs" / "loop.csv").symlink_to("loop.csv")
+    logs = map(str, sorted((folder / "logs").iterdir())) if by_shell else [str(folder / "logs")]
+    command = ["fleet", *logs, "--battery", str(folder / "cell.toml"), "-o", str(folder / "out")]
+    assert main([*command, "--filter", "coulomb", "--processes", "1", "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["logs"], figures["failed"]) == (5, 2)
+
+
 def test_people_read_which_logs_were_not_used(folder, capsys):
     (folder / "logs" / "broken.csv").write_text("nothing\n")
     command = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml")]

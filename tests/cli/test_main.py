@@ -83,6 +83,18 @@ def test_a_mistyped_option_is_named_before_those_that_are_missing(refused):
     assert "no option '--batery'; did you mean `--battery`?" in refused("soc", "day.csv", "--batery", "battery.toml")
 
 
+@pytest.mark.parametrize(
+    ("words", "before"),
+    [
+        (("", "--battery", "b.toml"), "soc"),
+        (("d.csv", "--battery", ""), "--battery"),
+        (("-o=", "--report="), "--report"),
+    ],
+)
+def test_an_empty_argument_is_no_folder(words, before, refused):
+    assert f"the argument behind {before!r} is empty" in refused("soc", *words)
+
+
 @pytest.mark.parametrize("words, same", [((), ("--help",)), (("help",), ("--help",)), (("help", "soc"), ("soc", "-h"))])
 def test_no_command_and_help_show_the_help(words, same, capsys):
     shown = []

@@ -249,17 +249,22 @@ def _named(word: str) -> list[str]:
     path = split_selection(word)[0]
     if (stored := with_streams_stored(path)) != path:
         return [str(stored)]
-    if path.is_file() or (path.is_dir() and parts_of(path)):
+    if _is_file(path) or (path.is_dir() and parts_of(path)):
         return [word]
     if path.is_dir():
         files = [file for file in sorted(path.rglob("*")) if file.name.lower().endswith(_ENDINGS)]
         if not files:
             raise InputError(f"the folder {word!r} holds no log ({', '.join(_ENDINGS)}); name the files")
         return list(dict.fromkeys(_recording_of(file, path) for file in files))
-    found = sorted(name for name in glob.glob(word, recursive=True) if Path(name).is_file())  # noqa: PTH207 absolute too
+    found = sorted(name for name in glob.glob(word, recursive=True) if _is_file(Path(name)))  # noqa: PTH207 absolute too
     if not found:
         raise InputError(f"no file matches {word!r}; check the path, and quote a pattern for the shell")
     return found
+
+
+def _is_file(path: Path) -> bool:
+    """True also for a link that leads nowhere: the log behind it is refused, not all those beside it."""
+    return path.is_file() or (path.is_symlink() and not path.exists())
 
 
 def _recording_of(file: Path, folder: Path) -> str:

@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> Outcome:
     name = chosen_name(args.filter.lower())
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
-    paths = [path for path in log_files(args.logs) if folder.resolve() not in Path(path).resolve().parents]
+    written = folder.resolve()  # of the logs only their folders: a link may lead to itself
+    paths = [path for path in log_files(args.logs) if not Path(path).parent.resolve().is_relative_to(written)]
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]

@@ -187,9 +187,13 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
     more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
     known = {option for action in parser._actions for option in action.option_strings}
-    for word in words[first + 1 :]:
+    for k, word in enumerate(words[first + 1 :]):
         if word == "--":
             break
+        if not word or (word.startswith("--") and word.endswith("=")):
+            before = word[:-1] or words[first + k]
+            why = "an unset variable of the shell?"
+            raise InputError(f"the argument behind {before!r} is empty ({why}); give a value or leave it out")
         if word.startswith("--"):
             _require_known("option", word.partition("=")[0], known, parser.prog)
     arguments, left = parser.parse_known_args(words[first + 1 :])
