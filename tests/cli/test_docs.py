@@ -8,6 +8,7 @@ from cli import test_calibrate, test_health, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
 from ohmward.cli.main import COMMANDS, main
+from ohmward.fleet import RobotRecord
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -71,6 +72,18 @@ def test_keys_of_compare_are_all_listed(here, as_json):
     found = as_json("compare", "day.csv", "--battery", "battery.toml", "--filters", "ekf")
     own = set(found["estimators"]["ekf"]) - SCORES - {f"{name}_after_1h" for name in SCORES}
     assert listed("compare") >= set(found) | own
+
+
+def test_keys_of_export_are_all_listed(here, as_json):
+    assert listed("export") >= set(as_json("export", "battery.toml", "--filter", "textbook-ekf", "-o", "soc"))
+
+
+def test_keys_of_fleet_are_all_listed(here, as_json):
+    found = as_json(
+        "fleet", "day.csv", "--battery", "battery.toml", "--filter", "coulomb", "-o", "out", "--processes", "1"
+    )
+    of_robots = {field for field in RobotRecord._fields if not field.endswith("_std")}
+    assert listed("fleet") >= set(found) | of_robots | {"robots", "report"}
 
 
 def test_keys_of_doctor_are_all_listed(here, as_json):
