@@ -136,6 +136,13 @@ def test_no_symbol_is_without_its_prefix(tmp_path):
     assert functions and all("pack_" in line for line in functions)
 
 
+@pytest.mark.parametrize("name", ["textbook-ekf", "textbook-joint"])
+@pytest.mark.parametrize("sample_time_s", [None, 0.5])
+def test_a_library_at_a_constant_rate_says_that_it_uses_no_time(name, sample_time_s):
+    said = "a step every 0.5 s (`dt_s` is not used)" in soc_library(name, sample_time_s=sample_time_s)["README.md"]
+    assert said == (sample_time_s is not None)
+
+
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
 def test_a_caller_in_cpp_needs_no_more_than_the_header(tmp_path):
     write_library(soc_library("textbook-ekf"), tmp_path)

@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.sample import SocSample
-from ohmward.embedded.battery import Style, at_fixed_rate, usual_voltage, vector_samples
+from ohmward.embedded.battery import Style, at_fixed_rate, interval_words, usual_voltage, vector_samples
 from ohmward.embedded.c_library import Export
 from ohmward.embedded.loops import EXAMPLE, AtRate, loops_of, parts_of
 from ohmward.filters import unscented
@@ -43,7 +43,8 @@ def joint_export(battery: Battery, name: str, sample_time_s: float | None, style
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     return Export(
         name=name,
-        title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
+        title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published"
+        f"{interval_words(sample_time_s)}",
         step=trace(at_rate(joint.step), state, EXAMPLE, with_origins=True),
         start=trace(joint.start, EXAMPLE, EXAMPLE_BULK_STD_V, with_origins=True),
         flags=NoFlag,

@@ -74,7 +74,7 @@ def battery_export(
         return lab("published.joint_export").joint_export(battery, name, sample_time_s, style)
     if not is_estimator(filter_name):
         raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, *published(), JOINT))}, got {filter_name!r}")
-    title = f"State of charge of {battery.name}: {title_of(filter_name)}"
+    title = f"State of charge of {battery.name}: {title_of(filter_name)}{interval_words(sample_time_s)}"
     if curve_error_V is not None:
         battery, error_V = _on_lines(battery, filter_name, curve_error_V)
         title += f", curve within {1e3 * error_V:.2g} mV"
@@ -147,6 +147,11 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
     model = battery.thevenin
     ocv, found_V, _ = on_lines(model.ocv, error_V)
     return replace(battery, thevenin=replace(model, ocv=ocv)), found_V
+
+
+def interval_words(sample_time_s: float | None) -> str:
+    """The constant time between samples, for the title of an export; "" for any time."""
+    return "" if sample_time_s is None else f", a step every {sample_time_s} s (`dt_s` is not used)"
 
 
 def at_fixed_rate(step: Callable[..., Any], sample_time_s: float | None) -> Callable[..., Any]:
