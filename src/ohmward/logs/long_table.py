@@ -35,7 +35,7 @@ _VALUES = ("value", "val", "reading", "payload")
 _UNITS = ("unit", "units")
 #: Values are of one sample if they are written within this share of the time in which the same name returns, and no
 #: more than this time [s] apart.
-_TOGETHER, _LONGEST_TOGETHER_S = 0.1, 1.0
+_OF_PERIOD, _LONGEST_SAMPLE_S = 0.1, 1.0
 
 
 def as_wide(file: TableFile) -> TableFile:
@@ -100,7 +100,7 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
     until = ", each of which holds until the next" if columns.holds else ""
     notes = [Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")]
     if together := int(np.count_nonzero(sampled_s != clock.time_s[known])):
-        text = f"{counted(together, 'value')} written up to {_LONGEST_TOGETHER_S:g} s after others: of the same sample"
+        text = f"{counted(together, 'value')} written up to {_LONGEST_SAMPLE_S:g} s after others: of the same sample"
         notes.append(Note(text))
     if lost:
         notes.append(Note(f"{counted(lost, 'value')} of a name that has another at the same time: left out", "warning"))
@@ -117,7 +117,7 @@ def _sample_times(written_s: np.ndarray, series: np.ndarray) -> np.ndarray:
     returns_s = returns_s[returns_s > 0.0]
     if not returns_s.size:
         return written_s
-    apart_s = min(_TOGETHER * float(np.median(returns_s)), _LONGEST_TOGETHER_S)
+    apart_s = min(_OF_PERIOD * float(np.median(returns_s)), _LONGEST_SAMPLE_S)
     order = np.argsort(written_s, kind="stable")
     begins = np.diff(written_s[order], prepend=-np.inf) > apart_s
     sample = np.cumsum(begins) - 1

@@ -44,7 +44,7 @@ FROZEN_S = 60.0
 #: that the change of the current causes, within this time [s].
 JUMP_SHARE, JUMP_DROPS, JUMP_S = 0.05, 3.0, 60.0
 #: Smallest time [s] used as a divisor.
-_LEAST_S = 1e-6
+_LEAST_WAIT_S = 1e-6
 
 #: A start is settled after this time [s], and this many samples: a few wrong ones at 0.1 Hz last as long.
 START_SETTLED_S, START_SETTLED_AFTER = 30.0, 10
@@ -292,7 +292,7 @@ def beside_current(
     """
     alone = clean.voltage_measured & logical_not(clean.current_measured) & (clean.unknown_s < WAITS_S)
     comes = clean.current_known & logical_not(clean.voltage_measured) & (before.waiting_V > 0.0)
-    share = before.waiting_s / maximum(unknown_before_s + clean.dt_s, _LEAST_S)
+    share = before.waiting_s / maximum(unknown_before_s + clean.dt_s, _LEAST_WAIT_S)
     at_voltage_A = clean.latest_A - where(comes, 1.0 - share, 0.0) * clean.change_A
     held = before._replace(
         waiting_V=where(alone, clean.voltage_V, where(clean.current_measured, 0.0, before.waiting_V)),
