@@ -174,6 +174,7 @@ def describe(figures: dict[str, Any], states: Sequence[fleet.RobotRecord] = ()) 
 
 def robot_row(state: fleet.RobotRecord) -> list[str]:
     """A robot in the table of `ROBOTS`."""
+    change, std = state.soh_change, state.soh_change_std
     return [
         state.robot,
         f"{state.logs}" + (f" (+ {state.refused} refused)" if state.refused else ""),
@@ -181,15 +182,10 @@ def robot_row(state: fleet.RobotRecord) -> list[str]:
         (state.last or "-")[:10],
         with_band(state.soc, state.soc_std),
         with_band(state.soh_capacity, state.soh_capacity_std),
-        _change(state.soh_change, state.soh_change_std),
+        "-" if change is None or std is None else f"{100 * change:+z.1f} ± {100 * BAND_95 * std:.1f}",
         with_band(state.resistance_ratio, state.resistance_ratio_std),
         str(len(state.alarms)),
     ]
-
-
-def _change(change: float | None, std: float | None) -> str:
-    """A change of a share with its 95 % band, in points."""
-    return "-" if change is None or std is None else f"{100 * change:+z.1f} ± {100 * BAND_95 * std:.1f}"
 
 
 def make_page(figures: dict[str, Any], states: Sequence[fleet.RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:

@@ -100,13 +100,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        # on one line, as errors are: its place in the source is of no use on the command line
+        warnings.showwarning = lambda message, *_, **__: print(f"ohmward: note: {message}", file=sys.stderr)
         return _status(sys.argv[1:] if argv is None else argv)
-
-
-def _show_warning(message: Warning | str, *_where: object, **_more: object) -> None:
-    """Print a warning on one line, as errors are; its place in the source is of no use on the command line."""
-    print(f"ohmward: note: {message}", file=sys.stderr)
 
 
 def _print_error(text: str) -> None:

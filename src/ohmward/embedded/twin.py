@@ -79,7 +79,8 @@ class Twin:
         self.example = dict(zip(self.arguments, _example(header), strict=False))
         self._ffi, self._library = _loaded(header)
         self._dtypes = {word: self._laid_out(word) for word in ("sample", "output", "state")}
-        self.Sample, self.Output, self.State = (_tuple_of(word, dtype) for word, dtype in self._dtypes.items())
+        structs: list[Any] = [namedtuple(word.capitalize(), dtype.names or ()) for word, dtype in self._dtypes.items()]
+        self.Sample, self.Output, self.State = structs
         self._state = np.zeros(1, self._dtypes["state"])
         self._started = False
 
@@ -277,10 +278,6 @@ def _run_compiler(command: list[str]) -> str:
         lines = "\n".join(result.stderr.splitlines()[:10])
         raise OhmwardError(f"the C compiler refuses the library; export it again\n{' '.join(command)}\n{lines}")
     return result.stdout
-
-
-def _tuple_of(struct: str, dtype: np.dtype) -> Any:
-    return namedtuple(struct.capitalize(), dtype.names or ())
 
 
 def _format(ctype: Any) -> Any:

@@ -25,7 +25,7 @@ from ohmward.battery.soc.sample import INITIAL_SOC_STD, SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, standing_work_J, with_terrain
 from ohmward.energy.discharge_end import end_along
-from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
+from ohmward.energy.drive_record import DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import MissionForecast, Range, credible, get_home, range_along, range_left
 from ohmward.energy.range_estimator import soc_now
@@ -166,7 +166,12 @@ def analyse(
     if log is not None:
         log = with_contradictions(check_log(log, battery), battery)
         estimates = _estimates(battery, log, settings) if settings.soc is None else None
-        record = record_drive(log, _motion(log, drive, robot, settings, progress), ground, settings.payload_kg)
+        if robot is None or drive is None:
+            motion = measured_motion(log, settings.speed_column, settings.speed_unit)
+        else:
+            terrain = settings.terrain or hard_terrain(DEFAULT_TERRAIN)
+            motion = observe_motion(robot, drive, terrain, log.time_s, progress)
+        record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
     ahead = _stretches_ahead(consumption, plan, record)
@@ -217,19 +222,6 @@ def _estimates(battery: Battery, log: Log, settings: MissionSettings) -> SocEsti
     """Estimates of the battery along the log."""
     estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
     return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
-
-
-def _motion(
-    log: Log,
-    drive: DriveLog | None,
-    robot: Robot | None,
-    settings: MissionSettings,
-    progress: Callable[[int, int], None] | None,
-) -> BodyMotion:
-    """Motion of the body along the log, by the observer of its robot or by a column."""
-    if robot is None or drive is None:
-        return measured_motion(log, settings.speed_column, settings.speed_unit)
-    return observe_motion(robot, drive, settings.terrain or hard_terrain(DEFAULT_TERRAIN), log.time_s, progress)
 
 
 def _stretches_ahead(c: Consumption, plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:

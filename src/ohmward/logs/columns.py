@@ -204,7 +204,8 @@ def _with_suggestions(
     choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
     if TIME.name in choice:
         times = [name for name in free if _are_times(head.get(name, ()))]  # a mere number of the row counts up as well
-        choice[TIME.name] = min(times, key=lambda name: not _is_of_time(name, head[name][0]), default=choice[TIME.name])
+        stated = [name for name in times if unit_in_name(name, TIME.dimensions) or has_date(head[name][0])]
+        choice[TIME.name] = next(iter([*stated, *times]), choice[TIME.name])
     return UnclearColumnsError(source, names, faults, choice)
 
 
@@ -437,11 +438,6 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _SIMILAR) for w in channel.split(n)))
     by_unit = [name for name in likely if units[name]]
     return by_letters or next(misspelled, None) or (by_unit[0] if len(by_unit) == 1 else None)
-
-
-def _is_of_time(name: str, cell: str) -> bool:
-    """True where the name has a unit of time, or the cell is a date."""
-    return unit_in_name(name, TIME.dimensions) is not None or has_date(cell)
 
 
 def _are_times(cells: Sequence[str]) -> bool:
