@@ -355,7 +355,7 @@ def test_what_a_source_promises_and_never_sends_is_named(battery):
     watch = SensorWatch(battery, RLMA, {"can0": ("battery_voltage_V", "battery_current_A"), "mqtt": ()})
     watch.take("can0", 20.0, 20.0, {"battery_current_A": 1.0})
     before, after = ({d.name: d.message for d in watch.look(now_s) if d.level == Level.STALE} for now_s in (49.0, 50.0))
-    assert set(before) == {"messages of mqtt"} and "none came yet" in before["messages of mqtt"]
+    assert set(before) == {"messages of mqtt"} and "nothing came" in before["messages of mqtt"]
     assert "has not come from can0 for 30 s" in after["battery_voltage_V"]
 
 

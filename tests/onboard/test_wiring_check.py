@@ -91,12 +91,13 @@ def test_what_never_came_is_named(battery):
     found = findings(cut, battery, promised={"robot": (WHEELS[0],), "other": ("battery_full",)})
     assert "never came from robot" in found[WHEELS[0]] or "wheel is driven" in found[WHEELS[0]]
     assert "the charge needs it" in found["battery_current_A"]
-    assert "sent nothing" in found["other"]
+    assert "nothing came" in found["other"]
 
 
 def test_a_wheel_that_the_robot_does_not_have_is_named(battery):
     found = findings(lambda values: values | {"wheel_speed_rad_s.middle": 1.0}, battery)
-    assert found == {"wheel_speed_rad_s.middle": f"the robot has no such wheel; it has {', '.join(PLACES)}"}
+    fault = f"the robot has no such wheel; it has {', '.join(PLACES)}"
+    assert found == {"wheel_speed_rad_s.middle": f"{fault}; leave it out of the source, or correct the robot file"}
 
 
 @pytest.mark.parametrize(
@@ -136,12 +137,15 @@ def test_at_rest_signs_are_open_and_nothing_is_wrong(battery):
 def test_a_source_that_sent_nothing_is_one_finding(battery, signals):
     promised = {"can": signals}
     wrong = [f for f in check_wiring({}, promised, battery, RLMA) if f.level == Level.ERROR]
-    assert [(f.name, f.message) for f in wrong] == [("can", "sent nothing; is the other side on, and connected?")]
+    assert [(f.name, f.message) for f in wrong] == [
+        ("can", "nothing came; is the other side on, connected and sending?")
+    ]
 
 
 def test_a_passive_wheel_has_no_motor(battery):
     found = findings(lambda values: values | {"motor_current_A.3": 0.0}, battery)
-    assert found == {"motor_current_A.3": f"the robot has no such motor; it has {', '.join(PLACES[: RLMA.driven])}"}
+    fault = f"the robot has no such motor; it has {', '.join(PLACES[: RLMA.driven])}"
+    assert found == {"motor_current_A.3": f"{fault}; leave it out of the source, or correct the robot file"}
 
 
 @pytest.mark.parametrize(("recent", "after_s", "named"), [(False, 0.0, True), (True, 20.0, False), (True, 40.0, True)])

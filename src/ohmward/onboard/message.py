@@ -326,4 +326,5 @@ def no_such_part(signal: str, robot: Robot | None) -> str:
     places = places_of(quantity, robot)
     if not places or wheel_number(signal, places) is not None:
         return ""
-    return f"the robot has no such {quantity.each}; it has {', '.join(places)}"
+    fix = "leave it out of the source, or correct the robot file"
+    return f"the robot has no such {quantity.each}; it has {', '.join(places)}; {fix}"

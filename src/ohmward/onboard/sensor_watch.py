@@ -23,7 +23,7 @@ from ohmward.onboard.message import no_such_part, sender
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import CurrentCheck, Recorder, check_wheels
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
-from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_number, stuck
+from ohmward.signals.checks import NOT_COUNTED, NOTHING_CAME, beyond_limits, doubled, missing, no_number, stuck
 from ohmward.traction.motion.sample import STOPPED
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
@@ -377,7 +377,7 @@ class SensorWatch:
                 yield Diagnostic(signal, Level.STALE, missing(came))
         if now_s - self.began_s >= PROMISED_S:
             none = delivery.first_s == math.inf
-            message = "none came yet; is the other side sending?" if none else "come"
+            message = NOTHING_CAME if none else "come"
             yield Diagnostic(f"messages of {name}", Level.STALE if none else Level.OK, message)
 
     def _needed(self, now_s: float) -> Iterator[Diagnostic]:
@@ -403,10 +403,8 @@ class SensorWatch:
         lowest, highest = plausible if quantity.name == "battery_voltage_V" else quantity.limits
         move = self._moves().get(quantity.name, math.inf)
         sensor = self.sensors[signal] = WatchedSensor(signal, source, publisher, lowest, highest, move)
-        if absent := no_such_part(signal, self.robot):
-            sensor.absent = f"{absent}; leave it out of {source}, or correct the robot file"
-        elif quantity.name == "wheel_counts" and self.counts_per_turn is None:
-            sensor.absent = NOT_COUNTED
+        uncounted = quantity.name == "wheel_counts" and self.counts_per_turn is None
+        sensor.absent = no_such_part(signal, self.robot) or (NOT_COUNTED if uncounted else "")
         sensor.plausible = plausible
         sensor.compared = quantity.name in _COMPARED and not sensor.absent
         for name, quantities in EVIDENCE.items():

@@ -22,7 +22,7 @@ from ohmward.battery.soc.voltage_faults import JUMP_SHARE
 from ohmward.onboard.message import no_such_part, sender, unmeasured_wheels, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import EVENTS, limits_of, quantity_of
-from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_numbers, too_seldom
+from ohmward.signals.checks import NOT_COUNTED, NOTHING_CAME, beyond_limits, doubled, missing, no_numbers, too_seldom
 from ohmward.signals.current_sign import check_current_sign, sign_evidence
 from ohmward.signals.current_size import check_size, check_wrapped
 from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
@@ -134,7 +134,7 @@ def check_wiring(
 def _missing(found: Mapping[str, SignalRecord], promised: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
     for source, signals in promised.items():
         if not any(source in record.sources for record in found.values()):
-            yield Diagnostic(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
+            yield Diagnostic(source, Level.ERROR, NOTHING_CAME)
             continue
         for signal in signals:
             if signal not in found:

@@ -178,6 +178,8 @@ def stuck(what: str = "", when: str = "", mover: str = "what moves with it") -> 
     return Finding("error", text, "look at the sensor and its wire")
 
 
+#: Fault of a source without any message.
+NOTHING_CAME = "nothing came; is the other side on, connected and sending?"
 #: Fault of counts without their number per turn.
 NOT_COUNTED = "counts need counts_per_turn = ... in the setup"
 
