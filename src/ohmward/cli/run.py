@@ -117,8 +117,8 @@ def summary(trial: Trial) -> dict[str, Any]:
         "passed": trial.passed,
         "findings": [{"subject": f.name, "level": f.level.name, "text": f.message} for f in trial.findings],
         "signals": {
-            signal: {name: getattr(record, name) for name in ("sources", "rate_hz", "median", "largest")}
-            for signal, record in trial.signals.items()
+            signal: {"sources": r.sources, "rate_hz": r.rate_hz, "median": r.median, "largest": r.largest}
+            for signal, r in trial.signals.items()
         },
     }
 

@@ -71,6 +71,12 @@ class SignalRecord(NamedTuple):
         finite = self.values[np.isfinite(self.values)]
         return float(np.median(finite)) if len(finite) else math.nan
 
+    @property
+    def largest(self) -> float:
+        """Largest magnitude; nan without any number."""
+        finite = self.values[np.isfinite(self.values)]
+        return float(np.abs(finite).max()) if len(finite) else math.nan
+
 
 class Recorder:
     """Values by signal, as they came.
