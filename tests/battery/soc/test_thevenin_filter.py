@@ -8,7 +8,7 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, scan, simulate
-from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
+from ohmward.battery.models.noise import PATH_S, BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.coulomb import CoulombCounting
@@ -36,8 +36,9 @@ def test_reduces_to_a_kalman_filter_written_by_hand():
     for k, (dt_s, i, v, _) in enumerate(zip(*columns, strict=True)):
         a = np.exp(-dt_s / np.array(STRAIGHT.tau_s))
         F, B = np.diag([1.0, *a]), np.array([dt_s / 7200.0, *((1 - a) * [0.01, 0.02])])
-        path = (0.15 * (i - before) * dt_s) ** 2
-        Q = np.diag([(0.05**2 * dt_s + path) / 7200.0**2, *((1 - a**2) * np.square([0.01 * 0.01, 0.01 * 0.02]))])
+        path_A = np.sqrt(0.5) * (i - before) * dt_s / (dt_s + PATH_S)
+        walks = (1 - a**2) * np.square([0.01 * 0.01, 0.01 * 0.02])
+        Q = np.diag([0.05**2 * dt_s / 7200.0**2, *walks]) + np.diag((B * path_A) ** 2)
         x, P, before = F @ x + B * 0.5 * (i + before), F @ P @ F.T + Q, i
         K = P @ H / (H @ P @ H + 0.005**2)
         x, P = x + K * (v - 3.0 - H @ x - 0.02 * i), P - np.outer(K, H @ P)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.charge_count import begins_interval, find_gaps
-from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
+from ohmward.battery.models.noise import USUAL_C, CurrentSensor, path_std_A
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, sample_limits
 from ohmward.errors import InputError
@@ -139,7 +139,7 @@ def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) ->
     """(T,) variance of SoC from the unknown current between two samples, and from the noise of its sensor."""
     change_A = np.diff(current_A, prepend=current_A[0])
     noise_A2 = battery.sensor.noise_std_A**2 / np.maximum(dt_s, 1.0)
-    charge_Ah2 = ((PATH_SHARE * change_A) ** 2 + noise_A2) * (dt_s / SECONDS_PER_HOUR) ** 2
+    charge_Ah2 = (path_std_A(change_A, dt_s) ** 2 + noise_A2) * (dt_s / SECONDS_PER_HOUR) ** 2
     return np.asarray(charge_Ah2 / battery.capacity_Ah**2)
 
 

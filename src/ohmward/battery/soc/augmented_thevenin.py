@@ -46,6 +46,7 @@ from ohmward.battery.models.noise import (
     USUAL_C,
     BatteryNoise,
     CurrentSensor,
+    path_std_A,
 )
 from ohmward.battery.models.ocv import beyond_line, slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
@@ -325,13 +326,13 @@ class AugmentedThevenin:
         """Q of this step from the state x, (n, n) for n states."""
         noise, p, dt_s, state = self.noise, self.model, clean.dt_s, self.split(x)
         walk_A = self.walk_A(clean)
-        walk_V = [walk_A * r for r in self.pair_ohm(x, clean)]
-        decays = pair_decays(clean.mean, p, dt_s)
+        path_A = path_std_A(clean.change_A, dt_s)
+        pairs = list(zip(self.pair_ohm(x, clean), pair_decays(clean.mean, p, dt_s), strict=True))
         model_decay, level_decay = self.error_decays(clean.mean.current_A, clean)
         variances = AugmentedState(
             circuit=[
                 charge_variance(clean, self.sensor, p),
-                *(v**2 * (1 - a**2) for v, a in zip(walk_V, decays, strict=True)),
+                *((walk_A * r) ** 2 * (1 - a**2) + (path_A * r * (1 - a)) ** 2 for r, a in pairs),
                 self.hysteresis_variance(state.circuit[-1], clean),
             ],
             offset_A=self.sensor.offset_walk_variance(dt_s),

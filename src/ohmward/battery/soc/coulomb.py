@@ -14,11 +14,11 @@ import numpy as np
 
 from ohmward.battery.models.noise import (
     HYSTERESIS_UNKNOWN_STD,
-    PATH_SHARE,
     SOC_UNKNOWN_STD,
     USUAL_C,
     BatteryNoise,
     CurrentSensor,
+    path_std_A,
 )
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, charge, pair_resistances
 from ohmward.battery.soc.clean_sample import (
@@ -114,13 +114,13 @@ class CoulombCounting:
 
 
 def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Thevenin) -> Scalar:
-    """Variance of the change of SoC in one step: sensor noise, the path between two samples (`PATH_SHARE`), a gap.
+    """Variance of the change of SoC in one step: sensor noise, the path between two samples (`path_std_A`), a gap.
 
     An unknown current is assumed to be a usual one, `USUAL_C`, in either direction, and constant until it is known
     again: the variance grows with the square of the time, whether in one long step or in many short ones.
     """
     sensor_As2 = sensor.noise_std_A**2 * clean.dt_s
-    path_As2 = (PATH_SHARE * clean.change_A * clean.dt_s) ** 2
+    path_As2 = (path_std_A(clean.change_A, clean.dt_s) * clean.dt_s) ** 2
     known = minimum((sensor_As2 + path_As2) / model.capacity_As**2, SOC_UNKNOWN_STD**2)
     unknown = growth_while_unknown(lambda t_s: minimum(USUAL_C * t_s / SECONDS_PER_HOUR, SOC_UNKNOWN_STD) ** 2, clean)
     return where(clean.current_known, known, unknown)
