@@ -115,7 +115,7 @@ def test_a_sampled_current_misses_as_much_charge_as_is_assumed(every_s, within):
 
 
 def test_a_sparsely_sampled_drive_stays_within_the_band():
-    """Bursts of seconds in a log with a row every 20 s, of a battery whose capacity is known: 1.5 sigma without this."""
+    """Bursts of seconds in a log with a row every 20 s, of a known capacity: 1.5 sigma without this."""
     lfp = generic_battery("lfp", 10.0)
     noise = replace(lfp.noise, capacity_std=0.01, resistance_std=0.05, model_std_V=(0.005, 0.005))
     battery = replace(lfp, noise=noise, sensor=replace(lfp.sensor, offset_std_A=0.02, offset_walk_A=0.0))
