@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.charge_count import count_charge, find_counter, find_gaps
+from ohmward.battery.charge_count import count_charge, find_counter, find_gaps, require_followed
+from ohmward.battery.identification.identify import identify
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -108,3 +109,28 @@ def test_gap_with_counter_is_resolved_and_without_is_unknown():
 
 def test_long_regular_intervals_are_no_gaps():
     assert not find_gaps(np.arange(0.0, 6000.0, 60.0)).any()
+
+
+def a_drive(every):
+    """An hour of a current that is new every two seconds, of which every so many rows are kept."""
+    current_A = np.repeat(np.random.default_rng(1).normal(-1.0, 3.0, 1800), 2)
+    return log(np.arange(0.0, 3600.0, every), current_A[::every])
+
+
+def test_a_log_that_follows_its_current_is_taken():
+    require_followed(a_drive(1))
+
+
+def test_a_log_whose_rows_miss_most_of_its_current_is_refused_with_the_way_out():
+    with pytest.raises(InputError, match=r"rows are 30 s apart.*log a row a second"):
+        require_followed(a_drive(30))
+
+
+def test_pulses_of_ten_minutes_may_be_sampled_once_a_minute():
+    current_A = np.tile(np.repeat([0.0, -2.0], 10), 30)
+    require_followed(log(60.0 * np.arange(current_A.size), current_A))
+
+
+def test_no_resistances_are_identified_from_a_log_that_misses_its_current():
+    with pytest.raises(InputError, match="more charge may have flowed between them"):
+        identify(a_drive(30), capacity_Ah=2.0, chemistry="nmc")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.noise import path_std_A
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
@@ -31,6 +32,7 @@ class ChargeIntegral(NamedTuple):
     moved_Ah: np.ndarray  #: (T,) [Ah], > 0 when charge went in; the first is 0
     unknown: np.ndarray  #: (T,) bool, a gap during which an unknown charge may have flowed; moved_Ah is 0 there
     notes: tuple[Note, ...] = ()  #: on intervals whose charge the current does not show
+    counted: bool = False  #: True where a charge counter has shown it
 
     @property
     def total_Ah(self) -> np.ndarray:
@@ -66,7 +68,26 @@ def count_charge(log: Log) -> ChargeIntegral:
         note = Note(f"{counted(int(gap.sum()), 'gap')} without a charge counter: what flowed there is not known")
         return ChargeIntegral(np.where(gap, 0.0, moved_Ah), gap, (note,) if gap.any() else ())
     settled_Ah = np.where(gap, counter.step_Ah, _settle(moved_Ah, error_Ah, gap, counter.step_Ah))
-    return ChargeIntegral(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),))
+    return ChargeIntegral(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),), True)
+
+
+def require_followed(log: Log) -> None:
+    """Raise InputError where more charge may flow unseen between the rows of a log than they show, in rms over them.
+
+    Resistances that are fitted to such currents are far too small: a drive sampled every half minute halved them, with
+    a band as narrow as from a row a second. A charge counter shows what flowed.
+    """
+    known = np.isfinite(log.current_A)
+    time_s, current_A = log.time_s[known], log.current_A[known]
+    recorded = ~find_gaps(time_s)[1:]
+    dt_s, change_A = np.diff(time_s)[recorded], np.diff(current_A)[recorded]
+    mean_A = (0.5 * (current_A[1:] + current_A[:-1]))[recorded]
+    missed_As, counted_As = dt_s * path_std_A(change_A, dt_s), dt_s * mean_A
+    if np.sum(missed_As**2) > np.sum(counted_As**2):
+        raise InputError(
+            f"{log.name}: its rows are {np.median(dt_s):.3g} s apart, and its current changes so much from one to the "
+            "next that more charge may have flowed between them than they show; log a row a second"
+        )
 
 
 def known_current_A(log: Log) -> np.ndarray:

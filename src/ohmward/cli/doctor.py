@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, LogFit
-from ohmward.battery.charge_count import count_charge
+from ohmward.battery.charge_count import count_charge, require_followed
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
@@ -219,11 +219,12 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
             log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
     if log is not None:
+        log, teaches = _with_verdict(log)
         found = examine(log)
         of_battery = ("--battery", given.battery)
-        if _has_pulses(log, found):
+        if teaches and _has_pulses(log, found):
             commands = [given.next_command("identify", path, *_label(cells), "-o", given.battery)]
-        elif commands := given.make_battery(cells):
+        elif (commands := given.make_battery(cells)) and teaches:
             commands.append(given.next_command("learn", path, *of_battery, "-o", given.battery))
         commands.append(given.next_command("soc", path, *of_battery))
         yield _examined(
@@ -260,6 +261,15 @@ def _examined(
     summary = {"path": path} | asdict(found) | {"worst": found.worst}
     is_wrong = found.worst == "error"  # what the finding advises comes first
     return Part(kind, title, text, summary, [] if is_wrong else commands, found.notes, is_wrong, section)
+
+
+def _with_verdict(log: Log) -> tuple[Log, bool]:
+    """The log, and whether its rows follow the current closely enough to show a battery; if not, it has a warning."""
+    try:
+        require_followed(log)
+    except InputError as refusal:
+        return log.with_notes(Note(f"shows no resistances: {refusal}", "warning")), False
+    return log, True
 
 
 def _has_pulses(log: Log, found: Findings[Survey]) -> bool:

@@ -42,6 +42,14 @@ def test_another_number_of_cells_sets_a_log_aside(cells, message):
         usable_log(replace(log, voltage_V=log.voltage_V * cells / 3), BATTERY)
 
 
+def test_rows_that_miss_the_current_set_a_log_aside():
+    """A battery that follows its current exactly, with a row a minute of a current that is new every second."""
+    sparse = drive().select(slice(None, None, 30))
+    current_A = np.random.default_rng(2).normal(-1.0, 6.0, len(sparse))
+    with pytest.raises(InputError, match="rows are 60 s apart"):
+        usable_log(replace(sparse, current_A=current_A), BATTERY)
+
+
 def test_a_voltage_that_stays_while_the_load_changes_is_left_out():
     log = drive()
     voltage_V = log.voltage_V.copy()

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, Provenance
+from ohmward.battery.charge_count import require_followed
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_name, start_model, start_noise
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.circuit_fit import (
@@ -167,6 +168,9 @@ def identify_in_detail(
     report("charge, rests and pulses", 0.0)
     idle_A = settings.idle_current_A or 0.0
     records = tuple(chain.from_iterable(make_records(log, settings.capacity_Ah, idle_A) for log in logs))
+    for record in records:
+        if not record.charge.counted:
+            require_followed(record.log)
     report("open-circuit voltage", 0.05)
     with one_blas_thread():
         prepared = prepare(records, settings)

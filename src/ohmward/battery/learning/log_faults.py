@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.charge_count import require_followed
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
     MEDIAN_OF,
@@ -49,6 +50,7 @@ def usable_log(log: Log, battery: Battery) -> Log:
         InputError: nothing can be learnt from the log about this battery; says why.
     """
     _require_samples(log)
+    require_followed(log)
     check_log(log, battery)
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
