@@ -83,6 +83,7 @@ def test_a_fleet_with_another_sensor_is_another_job(here, capsys):
     [
         (("--sensor-offset", "-0.1"), ("--sensor-offset", "standard deviation, >= 0, got -0.1")),
         (("--sensor-offset", "50"), ("--sensor-offset must be below 1 C, 12 A", "for milliamperes write 0.05")),
+        (("--rest-current", "50"), ("--rest-current must be below 1 C, 12 A", "for milliamperes write 0.05")),
         (("--sensor-offset", "small"), ("--sensor-offset", "finite number")),
         (("--sensor-gain", "2"), ("--sensor-gain", "is a share", "0.02 for 2 %")),
         (("--sensor-gain", "1"), ("is a share", "0.01 for 1 %")),

@@ -50,11 +50,8 @@ def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, li
     offset_A = sensor.offset_std_A if args.sensor_offset is None else args.sensor_offset
     gain = sensor.gain_std if args.sensor_gain is None else args.sensor_gain
     voltage_gain = noise.voltage_gain_std if args.voltage_gain is None else args.voltage_gain
-    if args.sensor_offset is not None and offset_A > battery.capacity_Ah:
-        raise InputError(
-            f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
-            f"{offset_A / 1000:g}"
-        )
+    if args.sensor_offset is not None:
+        _require_below_one_C("--sensor-offset", offset_A, battery)
     warnings = []
     if offset_A != sensor.offset_std_A:
         warnings.append(_contradiction(f"--sensor-offset {offset_A:g} A", f"{sensor.offset_std_A:g} A"))
@@ -68,6 +65,15 @@ def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, li
         noise=replace(noise, voltage_gain_std=voltage_gain),
     )
     return with_options, warnings
+
+
+def _require_below_one_C(option: str, current_A: float, battery: Battery) -> None:
+    """Raise InputError where an offset or a rest current is larger than what empties the battery in an hour."""
+    if abs(current_A) > battery.capacity_Ah:
+        raise InputError(
+            f"{option} must be below 1 C, {battery.capacity_Ah:g} A, got {current_A:g} A; for milliamperes write "
+            f"{current_A / 1000:g}"
+        )
 
 
 def _contradiction(option: str, in_file: str) -> str:
@@ -215,6 +221,8 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
         warnings.append(f"info: {moved}capacities are relative to {lowered.capacity_Ah:.3g} Ah (see ohmward learn)")
         anchors = None
     given, idle_A = args.rest_current, battery.idle_current_A
+    if isinstance(given, float):
+        _require_below_one_C("--rest-current", given, battery)
     rest_A = {None: idle_A, UNKNOWN: None}.get(given, given)
     if given is not None and idle_A is not None and given != idle_A:
         word = given if given == UNKNOWN else f"{given:g} A"
@@ -235,13 +243,15 @@ _ENDINGS = (*LOG_ENDINGS, *RECORDING_ENDINGS)
 def log_files(words: Sequence[str]) -> list[str]:
     """The logs that the words name, each once; those of a pattern or a folder are sorted by name.
 
+    A folder without logs is named as it is beside others, which it shall not stop: reading it says what is wrong.
+
     Raises:
         InputError: a word names nothing.
     """
-    return list(dict.fromkeys(text for word in words for text in _named(word)))
+    return list(dict.fromkeys(text for word in words for text in _named(word, is_alone=len(words) == 1)))
 
 
-def _named(word: str) -> list[str]:
+def _named(word: str, is_alone: bool) -> list[str]:
     """The word itself for a file, a recording's folder or rows of either; else the files of the folder or pattern.
 
     Of standard input or a pipe a copy, which can be read several times.
@@ -253,6 +263,8 @@ def _named(word: str) -> list[str]:
         return [word]
     if path.is_dir():
         files = [file for file in sorted(path.rglob("*")) if file.name.lower().endswith(_ENDINGS)]
+        if not files and not is_alone:
+            return [word]
         if not files:
             raise InputError(f"the folder {word!r} holds no log ({', '.join(_ENDINGS)}); name the files")
         return list(dict.fromkeys(_recording_of(file, path) for file in files))
