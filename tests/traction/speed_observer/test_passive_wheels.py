@@ -32,6 +32,13 @@ def drives(body_m_s, driven_m_s=None, current_A=0.0, wrong=None):
     return observed(OBSERVER, samples._replace(wheel_speed_rad_s=wheels))[1]
 
 
+def slower(body_m_s, every):
+    """Speeds (T, 2) of two passive wheels whose encoders give a mean every so many samples."""
+    given = np.full(len(body_m_s), np.nan)
+    given[every - 1 :: every] = body_m_s[: len(body_m_s) // every * every].reshape(-1, every).mean(axis=1)
+    return np.column_stack([given, given]) / RADIUS_M
+
+
 def flagged(estimates, flag):
     return (estimates.flags.astype(int) & flag).astype(bool)
 
@@ -62,3 +69,27 @@ def test_one_stuck_wheel_beside_a_good_one_changes_nothing():
     assert np.all(np.abs(e.speed_m_s - body)[100:] < 0.02)
     assert flagged(e, SlipFlag.ENCODER_SPIKE)[260:].all()
     assert flagged(e, SlipFlag.ENCODER_REJECTED)[360:].all()
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_slow_encoders_are_believed_as_soon_as_three_values_say_the_same(every):
+    """The driven wheels go on at 1 m/s while the body is at 0.4 m/s at once, and stays there."""
+    body = np.concatenate([np.linspace(0.0, 1.0, 200), np.full(100, 1.0), np.full(200, 0.4)])
+    driven = np.concatenate([np.linspace(0.0, 1.0, 200), np.full(300, 1.0)])
+    e = drives(body, driven, wrong=slower(body, every))
+    soon = 300 + max(3 * every, 10)
+    assert np.all(np.abs(e.speed_m_s - body)[soon + every :] < 0.05)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_wheels_that_slide_ever_faster_neither_hold_the_speed_nor_turn_the_robot(every):
+    """The driven wheels go on at 1 m/s without current while the body slows to 0.3 m/s in a second."""
+    body = np.concatenate(
+        [np.linspace(0.0, 1.0, 200), np.full(100, 1.0), np.linspace(1.0, 0.3, 100), np.full(100, 0.3)]
+    )
+    driven = np.concatenate([np.linspace(0.0, 1.0, 200), np.full(300, 1.0)])
+    e = drives(body, driven, wrong=slower(body, every))
+    settled = np.abs(e.speed_m_s - body)[350:]
+    assert np.all(settled < 0.2)
+    assert np.mean(settled) < 0.02
+    assert np.all(np.abs(e.yaw_rate_rad_s)[350:] < 0.02)

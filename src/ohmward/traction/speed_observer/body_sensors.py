@@ -297,49 +297,68 @@ class CommonInnovation(NamedTuple):
 def use_passive_wheels(
     body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
 ) -> BodyCorrection:
-    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`."""
+    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
+
+    Where they agree and one is outside its gate, none is used: their common innovation is the speed's, and a single one
+    of them would turn the robot for it.
+    """
     if model.noise.passive_std_rad_s is None or len(lag) == model.driven:
         return body
-    body = opened_for_passive(body, common_innovation(body, lag, clean, model, gate), clean, model, gate)
+    common = common_innovation(body, lag, clean, model, gate)
+    body = opened_for_passive(body, common, clean, model, gate)
+    belief, used = body.belief, []
     for k in range(model.driven, len(lag)):
-        body = use_passive_wheel(body, k, lag[k], clean, model, gate)
-    return body
+        belief, accepted = use_passive_wheel(belief, k, lag[k], clean, model, gate)
+        used.append(accepted)
+    measured = clean.wheel_measured[model.driven :]
+    refused = common.confirmed & logical_not(every(used))
+    used = [accepted & logical_not(refused) for accepted in used]
+    rejected = measured & logical_not(np.array(used))
+    times = zip(body.rejected.passive_s, stands_for_s(clean, model), rejected, measured, strict=True)
+    return body._replace(
+        belief=choose(refused, body.belief, belief),
+        observable=some([body.observable, *used]),
+        passive_rejected=some(rejected),
+        rejected=body.rejected._replace(passive_s=np.array([time_rejected(*of_wheel) for of_wheel in times])),
+    )
 
 
 def opened_for_passive(
     body: BodyCorrection, common: CommonInnovation, clean: CleanSample, model: Model, gate: SensorGate
 ) -> BodyCorrection:
-    """The correction with a speed widened for passive wheels that all contradict it; one that does so is at fault."""
-    times_s = body.rejected.passive_s
-    lasts = exp(-clean.dt_s / COMMON_LASTS_S)
-    innovation_sum = lasts * body.rejected.passive_sum + common.normalised
-    leans = (1.0 - lasts * lasts) * innovation_sum**2 > LASTING_NIS
+    """The correction with a speed widened for passive wheels that all contradict it; one that does so is at fault.
+
+    Where they are outside their gates, the driven wheels slide: else these would draw the speed back until the next
+    value of passive wheels that are slower than the samples.
+    """
+    times_s, last_sum = body.rejected.passive_s, body.rejected.passive_sum
+    measured = every(clean.wheel_measured[model.driven :])
+    lasts = exp(-reduce(maximum, stands_for_s(clean, model)) / COMMON_LASTS_S)
+    innovation_sum = where(measured, lasts * last_sum + common.normalised, last_sum)
+    leans = measured & ((1.0 - lasts * lasts) * innovation_sum**2 > LASTING_NIS)
     wrong_after_s = where(common.confirmed, minimum(SPIKE_S, gate.reset_after_s), gate.reset_after_s)
-    wrong = every(time_s > wrong_after_s for time_s in times_s) & every(clean.wheel_measured[model.driven :])
+    wrong = measured & every(time_s > wrong_after_s for time_s in times_s)
     opened = opened_for(body.belief, common.speed_m_s, model)
+    sliding = sliding_for(opened, common.speed_m_s, model)
     return body._replace(
-        belief=choose(some([leans, wrong]), opened, body.belief),
+        belief=choose(wrong, sliding, choose(leans, opened, body.belief)),
         passive_suspect=some(time_s > gate.reset_after_s for time_s in times_s),
         rejected=body.rejected._replace(passive_sum=where(leans, 0.0, innovation_sum)),
     )
 
 
 def use_passive_wheel(
-    body: BodyCorrection, k: int, lag_rad_s: Scalar, clean: CleanSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
-    """Correct with the speed of wheel k."""
-    measured, times_s = clean.wheel_measured[k], list(body.rejected.passive_s)
-    y = where(measured, clean.wheel_speed_rad_s[k] + lag_rad_s, np.nan)
+    belief: Belief, k: int, lag_rad_s: Scalar, clean: CleanSample, model: Model, gate: SensorGate
+) -> tuple[Belief, Scalar]:
+    """The belief after the speed of wheel k, and the condition that it was used."""
+    y = where(clean.wheel_measured[k], clean.wheel_speed_rad_s[k] + lag_rad_s, np.nan)
     variance = model.stds(clean).encoder_rad_s[k] ** 2
-    belief, accepted = correct_sensor(body.belief, y, model.passive_speed(k), variance, gate.nis)
-    rejected = measured & logical_not(accepted)
-    times_s[k - model.driven] = time_rejected(times_s[k - model.driven], clean.dt_s, rejected, measured)
-    return body._replace(
-        belief=belief,
-        observable=some([body.observable, accepted]),
-        passive_rejected=some([body.passive_rejected, rejected]),
-        rejected=body.rejected._replace(passive_s=np.array(times_s)),
-    )
+    return correct_sensor(belief, y, model.passive_speed(k), variance, gate.nis)
+
+
+def stands_for_s(clean: CleanSample, model: Model) -> np.ndarray:
+    """Time [s] (passive,) that a value of each passive wheel stands for, which may be slower than the samples."""
+    return maximum(clean.interval_s[model.driven :], clean.dt_s)
 
 
 def common_innovation(

@@ -295,7 +295,8 @@ class SpeedObserver:
         clean = hold_currents(clean, state.current_A, current_intervals)._replace(stds=stds)
         at_rest = self.is_at_rest(clean, holds(encoder_intervals))
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
-        clean = clean._replace(lag_share=share_measured(state.encoder_intervals, encoder_intervals, clean.dt_s))
+        lag_share = share_measured(state.encoder_intervals, encoder_intervals, clean.dt_s)
+        clean = clean._replace(lag_share=lag_share, interval_s=encoder_intervals.usual_s)
         state = state._replace(
             current_A=clean.current_A,
             current_intervals=current_intervals,
