@@ -14,7 +14,8 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, observes_grip, with_evidence
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
-from ohmward_lab.simulate.mujoco_plant import drive
+from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.mujoco_plant import DRY, RlmaParameters, RlmaPlant, drive
 from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR, observed
 
 from .mujoco_runs import believed, ice_on_a_slope, rmse, samples_of
@@ -146,3 +147,26 @@ def test_a_belief_in_sliding_wheels_ends_where_they_carry_the_robot(seed):
     _, e = observed(default_observer("rlma"), samples)
     error = e.speed_m_s - speed_m_s
     assert rmse(error) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("noise", "sensors"),
+    [
+        (ObserverNoise(passive_std_rad_s=0.07), {"passive": True}),
+        (ObserverNoise(speed_std_m_s=0.05), {"speed_every": 10}),
+    ],
+    ids=["passive wheels", "outside speed"],
+)
+def test_a_spin_whose_drive_ends_is_no_grip_where_another_sensor_shows_the_speed(noise, sensors):
+    """From a dry floor onto ice; there the motors spin the wheels, then brake them."""
+
+    def torque_Nm(truth):
+        if truth.position_m[0] < 0.8:
+            return np.clip(12.0 * (0.7 - truth.speed_m_s), -3.0, 3.0)
+        return -1.5 if truth.wheel_speed_rad_s[0] > 0.5 else 0.0
+
+    truth = drive(RlmaPlant(RlmaParameters(), [DRY, Patch(friction=0.08, from_m=0.5)]), torque_Nm, 2.0, DT_S)
+    rng = np.random.default_rng(1)
+    observer = SpeedObserver(believed(rng), noise=noise, rest_hold_s=np.inf)
+    _, e = observed(observer, samples_of(truth, rng, **sensors))
+    assert np.abs(e.speed_m_s - truth.speed_m_s[1:]).max() < 0.1

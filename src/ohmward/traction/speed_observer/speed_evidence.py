@@ -4,7 +4,7 @@ evidence                                          effect on the belief (`judge`)
 
 an outside speed near zero, rims that turn        the robot is held (`motion/outside_speed.py`): its speed is zero
 a force that changes the speed of the rims as     the wheels grip: their speed is the body's, and a belief in a slide
-  the whole robot's mass allows                     starts again from grip
+  the whole robot's mass allows                     starts again from grip, unless a sensor of the body shows the speed
 ground and grade unusual for grip, wheels that    gross slip: it starts again from wheels that slide, as long as the
   turn in the direction of their drive              slope has not been learnt
 a change of the speed that neither force nor      not distinct from grip on a slope: the band widens as fast as
@@ -303,12 +303,13 @@ def with_grip(
     peak_N = where(slides, maximum(abs(evidence.force_N), last.peak_N), 0.0)
     begins = every([slides, last.peak_N <= 0.0, evidence.no_pitch_s < SEEN_S])
     lag_m_s = where(begins, LAGS * abs(evidence.unexplained_m_s), where(slides, last.open_m_s, 0.0))
-    wrong = every([slides, grips(evidence), abs(evidence.force_N) < GRIP_SHARE * peak_N])
+    unobserved = evidence.body_unobserved_s >= SEEN_S
+    wrong = every([slides, grips(evidence), unobserved, abs(evidence.force_N) < GRIP_SHARE * peak_N])
     omega = belief.mean[model.layout.wheel(0) : model.layout.robot_states]
     robot = model.scene.robot
     force_N = robot.rolling[: model.driven, 0] @ model.traction_N(belief.mean)
     disturbed_m_s = last.disturbed_m_s + clean.modelled_s * force_N / robot.inertia[0]
-    alone = every([slides, logical_not(wrong), evidence.body_unobserved_s >= SEEN_S])
+    alone = every([slides, logical_not(wrong), unobserved])
     evidence = evidence._replace(
         peak_N=where(wrong, 0.0, peak_N),
         disturbed_m_s=where(alone, disturbed_m_s, 0.0),
