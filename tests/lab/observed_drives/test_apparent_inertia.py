@@ -55,6 +55,12 @@ def test_wheels_that_carry_the_robot_grip_and_wheels_that_turn_alone_do_not():
     assert not grips(sliding) and sliding.evidence_s < 0.0
 
 
+def test_a_jump_that_excludes_grip_and_slide_is_no_evidence():
+    jumped = MODEL.first_belief(np.full(2, 0.5 / ROBOT.wheel.radius_m))
+    sample = clean(0.0)._replace(wheel_measured=np.full(4, True))
+    assert with_evidence(SpeedEvidence(rim_age_s=0.0), jumped, sample, MODEL).evidence_s == 0.0
+
+
 def test_a_steady_force_tells_nothing():
     assert abs(driven_by(np.full(300, 1.0), GRIPPING_KG).evidence_s) < 1e-3
 
@@ -154,10 +160,12 @@ def test_a_belief_in_sliding_wheels_ends_where_they_carry_the_robot(seed):
     [
         (ObserverNoise(passive_std_rad_s=0.07), {"passive": True}),
         (ObserverNoise(speed_std_m_s=0.05), {"speed_every": 10}),
+        (ObserverNoise(speed_std_m_s=0.05), {"speed_every": 100}),
+        (ObserverNoise(), {}),
     ],
-    ids=["passive wheels", "outside speed"],
+    ids=["passive wheels", "outside speed", "one outside speed a second", "none"],
 )
-def test_a_spin_whose_drive_ends_is_no_grip_where_another_sensor_shows_the_speed(noise, sensors):
+def test_a_spin_whose_drive_ends_is_no_grip(noise, sensors):
     """From a dry floor onto ice; there the motors spin the wheels, then brake them."""
 
     def torque_Nm(truth):

@@ -22,7 +22,7 @@ under a force F of the motors along x, d/dt v_r = (F - F_0)/M with
 On robots with wheels they differ by a factor of 10 to 50. Slopes and friction are nearly constant, so rims and force go
 through a high pass, H = (T s/(1 + T s))^2 for the speed and H/s for the force, and U = I/M holds for the remainder:
 
-    evidence of grip    L = 1/2 ((U - I/M_s)^2 / sigma_s^2 - (U - I/M_g)^2 / sigma_g^2)
+    evidence of grip    L = 1/2 (min((U - I/M_s)^2 / sigma_s^2, g) - min((U - I/M_g)^2 / sigma_g^2, g))
 
 A drive that changes its force is evidence all the time; a steady one is none.
 
@@ -53,7 +53,7 @@ from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import clip, exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
+from ohmward.trace import exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import IS_HELD, Held, SpeedErrors
 from ohmward.traction.motion.sample import CleanSample
@@ -169,9 +169,9 @@ def sliding(belief: Belief, log_friction: Scalar, unexplained_m_s: Scalar, model
 #: sample, short against a slide, whose beginning shows in it for as long.
 HIGH_PASS_S = 0.1
 
-#: Time constant [s] with which evidence is forgotten, largest evidence of one sample, and mean over that time from
-#: which it counts.
-EVIDENCE_MEMORY_S, MOST_EVIDENCE, ENOUGH = 0.15, 5.0, 3.0
+#: Time constant [s] with which evidence is forgotten, largest NIS of either case in one sample, and mean evidence over
+#: that time from which it counts. A sample that excludes both, as at the beginning of a slide, is no evidence.
+EVIDENCE_MEMORY_S, MOST_NIS, ENOUGH = 0.15, 10.0, 3.0
 
 #: Standard deviations of U [m/s]: of wheels that grip, by edges of slopes and by creep, and of wheels that slide, by
 #: the noise of encoders and currents and by a friction that changes with the slip, a share of I/M_s.
@@ -295,14 +295,17 @@ def with_grip(
     """The belief when its wheels begin to slide, and when they carry the robot although they slide in it.
 
     In the first case the speed has followed the wheels until the filter detected the slide, and is as uncertain as the
-    change that neither force nor pitch explains. In the second it follows the wheels again.
+    change that neither force nor pitch explains; earlier evidence of grip no longer counts. In the second it follows
+    the wheels again.
 
     last: before the step.
     """
     slides = every(grip < LEAST_GRIP for grip in model.grip(belief.mean, model.slip(belief.mean)))
+    begins = slides & (last.peak_N <= 0.0)
+    evidence = evidence._replace(evidence_s=where(begins, minimum(evidence.evidence_s, 0.0), evidence.evidence_s))
     peak_N = where(slides, maximum(abs(evidence.force_N), last.peak_N), 0.0)
-    begins = every([slides, last.peak_N <= 0.0, evidence.no_pitch_s < SEEN_S])
-    lag_m_s = where(begins, LAGS * abs(evidence.unexplained_m_s), where(slides, last.open_m_s, 0.0))
+    opens = begins & (evidence.no_pitch_s < SEEN_S)
+    lag_m_s = where(opens, LAGS * abs(evidence.unexplained_m_s), where(slides, last.open_m_s, 0.0))
     unobserved = evidence.body_unobserved_s >= SEEN_S
     wrong = every([slides, grips(evidence), unobserved, abs(evidence.force_N) < GRIP_SHARE * peak_N])
     omega = belief.mean[model.layout.wheel(0) : model.layout.robot_states]
@@ -371,9 +374,10 @@ def with_evidence(evidence: SpeedEvidence, belief: Belief, clean: CleanSample, m
     impulse_Ns = fades * (evidence.impulse_Ns + clean.modelled_s * (force_N - low_N))
     U, slide_m_s, grip_m_s = second, impulse_Ns / sliding_kg, impulse_Ns / gripping_kg
     slide_variance = SLIDE_M_S**2 + (SLIDE_SHARE * slide_m_s) ** 2
-    L = 0.5 * ((U - slide_m_s) ** 2 / slide_variance - (U - grip_m_s) ** 2 / GRIP_M_S**2)
+    slide = minimum((U - slide_m_s) ** 2 / slide_variance, MOST_NIS)
+    grip = minimum((U - grip_m_s) ** 2 / GRIP_M_S**2, MOST_NIS)
     known = every([*clean.current_measured, rim_age_s < HIGH_PASS_S])
-    counted = where(known, clip(L, -MOST_EVIDENCE, MOST_EVIDENCE), 0.0)
+    counted = where(known, 0.5 * (slide - grip), 0.0)
     evidence_s = exp(-clean.dt_s / EVIDENCE_MEMORY_S) * evidence.evidence_s + clean.modelled_s * counted
     return evidence._replace(
         rim_m_s=rim_m_s,
