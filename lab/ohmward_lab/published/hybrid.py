@@ -19,8 +19,7 @@ from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import logical_not, maximum
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, logical_not, maximum
 from ohmward_lab.published.rc_filter import RcFilter, RcFilterState
 
 

@@ -16,10 +16,9 @@ from ohmward.embedded.battery import Style, at_fixed_rate, interval_words, usual
 from ohmward.embedded.c_library import Export
 from ohmward.embedded.loops import EXAMPLE, AtRate, loops_of, parts_of
 from ohmward.filters import unscented
-from ohmward.trace import trace
+from ohmward.trace import Program, trace
 from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Function, Loops, members, places
-from ohmward.trace.program import Program
 from ohmward_lab.published.rc import nominal_of, rc_of_thevenin
 from ohmward_lab.published.textbook_joint import PARAMETERS, TextbookJoint
 

@@ -28,8 +28,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward.trace import minimum
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, minimum
 from ohmward_lab.published.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate
 
 

@@ -39,8 +39,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.trace import clip, exp, logical_not, maximum, sqrt, table, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, logical_not, maximum, sqrt, table, where
 from ohmward_lab.published import rc, rc_circuit
 from ohmward_lab.published.rc import Circuit, RcModel
 

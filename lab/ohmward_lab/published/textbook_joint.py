@@ -33,8 +33,7 @@ from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, maximum, where
 from ohmward_lab.published.rc import Nominal
 
 #: Number of parameters, the first elements of the state.

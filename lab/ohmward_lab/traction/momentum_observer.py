@@ -44,8 +44,7 @@ from ohmward.filters.flags import SampleFlag, flags_of
 from ohmward.filters.gate import choose, correct_gated, inflate
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import between, every, hold, is_step, some, within
-from ohmward.trace import clip, exp, isfinite, logical_not, sign, sin, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, isfinite, logical_not, sign, sin, sqrt, where
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.motor import wheel_torque

@@ -17,11 +17,10 @@ from ohmward import __version__
 from ohmward.atomic import write_text
 from ohmward.embedded.comments import flag_comments, member_comments
 from ohmward.errors import InputError, OhmwardError
-from ohmward.trace import single_precision
+from ohmward.trace import Program, single_precision
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.lower.c_operations import are_bytes, constant_arrays, literal
 from ohmward.trace.lower.c_source import Loops, c_source, members
-from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 
 

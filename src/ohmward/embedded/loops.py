@@ -18,11 +18,9 @@ from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.embedded.c_library import filled, template
 from ohmward.filters import unscented
 from ohmward.filters.linear_algebra import PIVOT_FLOOR, TINY
-from ohmward.trace import linearize, trace
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Program, Scalar, linearize, trace
 from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Function, Loops, members, places
-from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 
 EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)

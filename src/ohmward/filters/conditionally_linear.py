@@ -21,7 +21,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Correction, Function, require_shape
 from ohmward.filters.linear_algebra import cholesky, solve_upper
 from ohmward.filters.unscented import DEFAULT, Scaling, pair_weights
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar
 
 
 def correct(

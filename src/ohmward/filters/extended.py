@@ -8,8 +8,7 @@ from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import linearize
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, linearize
 
 
 def predict(belief: Belief, f: Function, Q: np.ndarray) -> Belief:

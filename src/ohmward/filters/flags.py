@@ -9,8 +9,7 @@ from operator import add
 
 import numpy as np
 
-from ohmward.trace import where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, where
 
 #: Number of samples whose flags are counted at a time: all of a log of ten million would take most of the memory.
 _FLAGS_AT_ONCE = 1 << 20

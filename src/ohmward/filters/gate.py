@@ -18,8 +18,7 @@ import numpy as np
 from ohmward.checks import require_between, require_positive
 from ohmward.filters.belief import Belief, Correction, Innovation, nis
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import isfinite, maximum, where
-from ohmward.trace.expression import Condition, Scalar
+from ohmward.trace import Condition, Scalar, isfinite, maximum, where
 
 
 def passes(innovation: Innovation, threshold: float = math.inf) -> Condition:

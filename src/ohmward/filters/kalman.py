@@ -6,8 +6,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief, Correction, Innovation, require_shape
 from ohmward.filters.linear_algebra import TINY, mirror_lower, solve_spd
-from ohmward.trace import maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, maximum, where
 
 
 def predict(belief: Belief, F: np.ndarray, Q: np.ndarray, offset: np.ndarray | float = 0.0) -> Belief:

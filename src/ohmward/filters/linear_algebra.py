@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace import maximum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, maximum, sqrt, where
 
 PIVOT_FLOOR = 1e-14
 """Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""

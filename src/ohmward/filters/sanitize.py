@@ -14,8 +14,7 @@ from functools import reduce
 from operator import and_, or_
 from typing import Any, NamedTuple
 
-from ohmward.trace import exp, where
-from ohmward.trace.expression import Condition, Scalar
+from ohmward.trace import Condition, Scalar, exp, where
 
 
 class CleanStep(NamedTuple):

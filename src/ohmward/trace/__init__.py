@@ -1,7 +1,7 @@
 """The kernel compiler: a model or filter step written as NumPy, traced once and lowered to the best form installed."""
 
 from ohmward.trace.derivative import jacobian, linearize
-from ohmward.trace.expression import Expression, TraceError
+from ohmward.trace.expression import Condition, Expression, Scalar, TraceError
 from ohmward.trace.functions import (
     arctan2,
     clip,
@@ -24,9 +24,11 @@ from ohmward.trace.program import Program, trace
 from ohmward.trace.table import monotone_slopes, table
 
 __all__ = [
+    "Condition",
     "Expression",
     "Kernel",
     "Program",
+    "Scalar",
     "TraceError",
     "arctan2",
     "clip",

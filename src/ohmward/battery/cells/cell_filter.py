@@ -51,8 +51,7 @@ from ohmward.filters.gate import choose, passes, require_gate, time_rejected
 from ohmward.filters.kalman import gain, joseph
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.quantities import DAY_S
-from ohmward.trace import clip, exp, linearize, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, linearize, logical_not, maximum, minimum, where
 
 
 @dataclass(frozen=True)

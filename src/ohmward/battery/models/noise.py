@@ -11,8 +11,7 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.quantities import DAY_S, FIRST_DATE_S, SECONDS_PER_HOUR
-from ohmward.trace import clip, maximum, sqrt, table
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, maximum, sqrt, table
 
 #: Assumed size of a current that is not measured, in multiples of the capacity per hour: a usual one where it acts over
 #: the time for which it is unknown, a large one where it acts at one instant.

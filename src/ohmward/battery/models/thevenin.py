@@ -24,8 +24,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, cold
 from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward.trace import clip, exp, log, sign, sqrt, table, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, log, sign, sqrt, table, where
 
 #: Keeps asinh(x) / x from 0 / 0: it is 1 within 2e-5 there.
 _ROUND = 1e-4

@@ -30,8 +30,7 @@ from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, C
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import CleanSocSample, Rest, continue_rest
 from ohmward.filters.gate import choose
-from ohmward.trace import clip, exp, logical_not, maximum, minimum, sqrt, table, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, logical_not, maximum, minimum, sqrt, table, where
 
 #: At the limit of a charger the voltage stays within this share of itself; a sensor errs by as much.
 _FLAT_SHARE = 0.004

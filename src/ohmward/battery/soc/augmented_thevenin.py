@@ -70,8 +70,7 @@ from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
 from ohmward.battery.soc.initial_soc import axis_error_V, lasting_std_V
 from ohmward.filters.belief import Belief
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, linearize, maximum, minimum, sign, sqrt, where
 
 #: Smallest standard deviation [V] of an RC voltage at the start, so that no variance is zero: far below any sensor's.
 LEAST_PAIR_STD_V = 1e-5

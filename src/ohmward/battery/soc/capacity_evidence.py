@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 from ohmward.battery.models.noise import PASS_SOC
 from ohmward.filters.belief import Belief
-from ohmward.trace import clip, maximum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, maximum, sqrt, where
 
 #: Keeps ratios of variances of a capacity that is exact finite: far below the square of any variance.
 _NO_DIVISOR_BELOW = 1e-30

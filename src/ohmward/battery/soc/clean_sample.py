@@ -11,8 +11,7 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
 from ohmward.quantities import COLDEST_DEGC, DAY_S, HOTTEST_DEGC, MOST_C
-from ohmward.trace import logical_not, maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, logical_not, maximum, where
 
 #: Time constant with which the last current fades while none is measured [s].
 HOLD_S = 30.0

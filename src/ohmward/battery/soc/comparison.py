@@ -21,7 +21,8 @@ from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.optional import require
 from ohmward.rich_display import RichDisplay
-from ohmward.trace.kernel import WORTH_STEPS, Kernel
+from ohmward.trace import Kernel
+from ohmward.trace.kernel import WORTH_STEPS
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -39,8 +39,7 @@ from ohmward.checks import require_each_positive, require_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward.trace import clip, linearize, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, linearize, minimum, where
 
 
 class CoulombState(NamedTuple):

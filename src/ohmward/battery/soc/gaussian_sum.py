@@ -37,8 +37,7 @@ from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, The
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, Innovation, pack, unpack
 from ohmward.filters.gate import choose, restarted_at
-from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, log, maximum, minimum, sqrt, where
 
 #: Default number of hypotheses: "the given value is right" and two cells of "it is wrong", or three cells of an unknown
 #: start. With two the interval score of wrong starts on measured LFP doubles, with four nothing is gained.

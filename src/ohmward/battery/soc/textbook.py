@@ -32,8 +32,7 @@ from ohmward.checks import require_one_of
 from ohmward.filters import conditionally_linear, extended, kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, logical_not, maximum, where
 
 METHODS = ("ekf", "ukf")
 

@@ -51,8 +51,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, logical_not, maximum, minimum, where
 
 #: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
 #: life, and none gains half.

@@ -30,8 +30,7 @@ from ohmward.battery.soc.clean_sample import (
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.estimator import row_of
 from ohmward.filters.sanitize import between
-from ohmward.trace import logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, logical_not, maximum, minimum, where
 
 #: A voltage that stays the same to the last digit comes from a dead sensor if the ohmic drop of a load must have moved
 #: it by this many standard deviations of its noise: twice the step of a coarse converter.

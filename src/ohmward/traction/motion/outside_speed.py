@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import clip, exp, isfinite, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.traction.motion.sample import CleanSample, History, empty_history, sum_since
 
 #: Standard deviation [m/s] of a source that gives none, if its errors are not learnt: that of GNSS, and of camera

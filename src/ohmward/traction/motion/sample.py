@@ -22,8 +22,7 @@ from ohmward.filters.estimator import PerWheel, number, numbers
 from ohmward.filters.sanitize import between, every, sanitize_step, some, within
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S, limits_of
-from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.traction.robot.chassis import Steered
 from ohmward.traction.robot.robot import Robot
 

@@ -20,8 +20,7 @@ import numpy as np
 from ohmward.filters.sanitize import between, every
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import Kernel, exp, isfinite, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Kernel, Scalar, exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import (
     LONGEST_STEP_S,

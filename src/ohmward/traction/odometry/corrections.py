@@ -16,8 +16,7 @@ from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, minimum, sin, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, cos, exp, isfinite, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.traction.motion.outside_speed import ROLLS_SHARE, OutsideSpeed, likelihood
 from ohmward.traction.motion.sample import (
     NEVER_S,

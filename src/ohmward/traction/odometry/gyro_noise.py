@@ -10,8 +10,7 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import TINY
-from ohmward.trace import exp, log, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, log, logical_not, maximum, minimum, where
 from ohmward.traction.odometry.model import OFFSET, YAW, X, Y, vector
 
 #: Weights of the third difference, and the sum of their squares.

@@ -11,8 +11,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.motion.outside_speed import (
     IS_HELD,
     ROCKS_M_S,

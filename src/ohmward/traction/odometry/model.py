@@ -35,8 +35,7 @@ import numpy as np
 from ohmward.checks import require_between, require_length, require_positive
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
-from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
 from ohmward.traction.robot.chassis import Mecanum, SkidSteer, Steered
 from ohmward.traction.robot.robot import Robot

@@ -25,8 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import clip, exp, log, logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.motion.outside_speed import MET_S
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import PLANAR, Steered

@@ -19,8 +19,7 @@ from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import clip, cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, cos, exp, linearize, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, Held
 from ohmward.traction.motion.sample import (
     ENTRY_S,

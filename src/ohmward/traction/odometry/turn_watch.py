@@ -22,8 +22,7 @@ import numpy as np
 
 from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Condition, Scalar
+from ohmward.trace import Condition, Scalar, clip, isfinite, logical_not, maximum, minimum, where
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.motion.stuck_sensors import COUNTED_TURN_RAD_S, RIGHT_SHARE, is_share
 from ohmward.traction.odometry.measured_motion import may_scrub

@@ -32,8 +32,7 @@ from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected, widen
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.motion.outside_speed import ROCKS_M_S
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, History, change_since
 from ohmward.traction.robot.robot import GRAVITY

@@ -21,8 +21,7 @@ from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
-from ohmward.trace import logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Condition, Scalar
+from ohmward.trace import Condition, Scalar, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep

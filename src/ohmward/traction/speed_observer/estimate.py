@@ -23,8 +23,7 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.linear_algebra import TINY, std
-from ohmward.trace import linearize, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, linearize, maximum, minimum, sqrt, where
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import CleanSample

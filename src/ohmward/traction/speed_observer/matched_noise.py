@@ -22,8 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.filters.sanitize import every
-from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, clip, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.motion.sample import LEAST_DIVISOR, NEVER_S, CleanSample, SensorStds
 from ohmward.traction.speed_observer.model import Model
 

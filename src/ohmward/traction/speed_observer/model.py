@@ -19,8 +19,7 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import widen
 from ohmward.filters.linear_algebra import mirror_lower, std
-from ohmward.trace import exp, isfinite, maximum, minimum, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.traction.dynamics.forces import RobotInput, Scene, normal_loads
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, SensorStds
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels

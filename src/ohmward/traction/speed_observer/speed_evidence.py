@@ -53,8 +53,7 @@ from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
 from ohmward.quantities import FASTEST_M_S
-from ohmward.trace import exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.traction.motion.outside_speed import IS_HELD, Held, SpeedErrors
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.robot.robot import GRAVITY

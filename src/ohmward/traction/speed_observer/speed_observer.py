@@ -35,8 +35,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import logical_not, maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, logical_not, maximum, where
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, TURNS_M_S, Held, receive, weigh_held
 from ohmward.traction.motion.sample import (

@@ -26,8 +26,7 @@ import numpy as np
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.filters.sanitize import some
 from ohmward.quantities import SECONDS_PER_HOUR
-from ohmward.trace import exp, log, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, log, logical_not, maximum, minimum, where
 from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.floor import Floor, drag_columns, mean_load, travel_speed

@@ -39,8 +39,7 @@ from ohmward.checks import require_each_positive
 from ohmward.errors import InputError
 from ohmward.filters.linear_algebra import cholesky, solve_lower
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import exp, isfinite, log, logical_not, maximum, minimum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Scalar, exp, isfinite, log, logical_not, maximum, minimum, where
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
 from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample
 from ohmward.traction.robot.robot import Robot

@@ -38,8 +38,7 @@ from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
-from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace import Kernel, Scalar, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.traction.dynamics.slip import REPORT_FLOOR
 from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.motion.sample import (
