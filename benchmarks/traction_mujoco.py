@@ -16,10 +16,11 @@ from figure import Figure, at_least, at_most
 from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, RobotInput, RollingResistance, hard_terrain, scene, step
+from ohmward.traction import RLMA, RobotInput, RollingResistance, hard_terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward_lab.simulate.implicit_step import step
 
 sys.path.extend(str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tests/lab"))
 

@@ -10,7 +10,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, forces, scene
 from ohmward.traction.dynamics.forces import power
-from ohmward.traction.dynamics.implicit_step import step
+from ohmward_lab.simulate.implicit_step import step
 from traction.examples import HARD, LOSSY, ROBOTS, SLIPPERY, TERRAINS
 
 ROBOT = replace(RLMA, motor=LOSSY, idle_W=8.0)

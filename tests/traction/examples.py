@@ -8,7 +8,6 @@ import numpy as np
 
 from ohmward.trace import Kernel
 from ohmward.traction import (
-    ALEXANDER,
     RLMA,
     ROBOTINO,
     Differential,
@@ -18,11 +17,11 @@ from ohmward.traction import (
     SkidSteer,
     Terrain,
     hard_terrain,
-    next_state,
     soft_terrain,
 )
 from ohmward.traction.friction.law import Brush, CoulombCreep, SoftGround, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS, SOILS
+from ohmward_lab.simulate.implicit_step import ALEXANDER, next_state
 
 LOAD_N = 100.0
 

@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.filters import Belief, adaptive
 from ohmward.report import TIME, Figure, Series
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
+from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import wheel_speeds
@@ -25,6 +25,7 @@ from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
 from ohmward_lab.published.scheme_by_method import PackedAdaptiveState, pack, unpack
 from ohmward_lab.reproduce.row import Result, ResultRow
 from ohmward_lab.simulate.closed_loop.sensing import quantisation_std_rad_s
+from ohmward_lab.simulate.implicit_step import next_state
 
 WET = scene(RLMA, Terrain("wet tiles", WardIagnemma(0.4, 8.0), RollingResistance(), "assumed"))
 LAYOUT = StateLayout(RLMA, KNOWN_GROUND)

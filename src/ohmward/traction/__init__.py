@@ -1,7 +1,6 @@
 """Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
 
 from ohmward.traction.dynamics.forces import RobotInput, forces, rates, scene
-from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, next_state, step
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import (
     CompactionResistance,
@@ -18,8 +17,6 @@ from ohmward.traction.robot.packaged import RLMA, ROBOTINO, SEEDER, load_robot
 from ohmward.traction.robot.robot import Robot, Wheel, save_robot
 
 __all__ = [
-    "ALEXANDER",
-    "EULER",
     "RLMA",
     "ROBOTINO",
     "SEEDER",
@@ -41,11 +38,9 @@ __all__ = [
     "forces",
     "hard_terrain",
     "load_robot",
-    "next_state",
     "rates",
     "save_robot",
     "scene",
     "slip_ratio",
     "soft_terrain",
-    "step",
 ]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel, clip
-from ohmward.traction import ALEXANDER, RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
+from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimate import SlipFlag
@@ -15,6 +15,7 @@ from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips,
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.ground import Patch
+from ohmward_lab.simulate.implicit_step import ALEXANDER, next_state
 from ohmward_lab.simulate.mujoco_plant import DRY, RlmaParameters, RlmaPlant, drive
 from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR, observed
 

@@ -9,7 +9,7 @@ import pytest
 from ohmward.filters import unpack
 from ohmward.filters.belief import PackedBelief
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, Differential, RollingResistance, Terrain, scene
+from ohmward.traction import Differential, RollingResistance, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer import encoders
@@ -17,6 +17,7 @@ from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+from ohmward_lab.simulate.implicit_step import EULER
 from traction.examples import plant
 
 from .examples import DT_S, LOW, RLMA_ON_FLOOR, at_rest, log, observed

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, RobotInput, Terrain, scene
+from ohmward.traction import RobotInput, Terrain, scene
 from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step, traction, traction_and_slope
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
+from ohmward_lab.simulate.implicit_step import EULER
 from traction.examples import plant
 
 from .examples import FLOOR, LOW, SCENES

@@ -20,11 +20,11 @@ import numpy as np
 from ohmward.checks import require_positive
 from ohmward.trace import Kernel, cos, sin
 from ohmward.traction.dynamics.forces import EnergyBalance, Forces, RobotInput, Scene, forces, momentum_rates, scene
-from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.ground import Grade, Patch, adhesion, surface
+from ohmward_lab.simulate.implicit_step import Step, step
 from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques
 
 

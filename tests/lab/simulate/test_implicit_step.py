@@ -9,21 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from ohmward.trace import Kernel
-from ohmward.traction import (
-    ALEXANDER,
-    EULER,
-    RLMA,
-    RobotInput,
-    RollingResistance,
-    Terrain,
-    next_state,
-    rates,
-    scene,
-    step,
-)
+from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, rates, scene
 from ohmward.traction.dynamics.forces import kinetic_energy
-from ohmward.traction.dynamics.implicit_step import solve
 from ohmward.traction.friction.law import CoulombCreep
+from ohmward_lab.simulate.implicit_step import ALEXANDER, EULER, next_state, solve, step
 from traction.examples import HARD, LOW, ROBOTS, SLIPPERY, TERRAINS
 
 METHODS = {"euler": EULER, "alexander": ALEXANDER}
