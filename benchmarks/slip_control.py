@@ -9,17 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from figure import HERE, Figure, at_most
-from ohmward.traction.control import (
-    SlipCommand,
-    SlipController,
-    SpeedCommand,
-    SpeedController,
-    WheelSpeedDrive,
-)
+from ohmward.traction.control import SlipCommand, SlipController, SpeedCommand, SpeedController
 from ohmward_lab.simulate.ground import Patch
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
+from ohmward_lab.traction.wheel_speed_cascade import WheelSpeedDrive
 from slip_cases import case_rows
 from slip_loops import (
     COASTED_DOWN,

@@ -16,16 +16,7 @@ import numpy as np
 
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Terrain, scene
-from ohmward.traction.control import (
-    Limits,
-    Measurement,
-    SlidingMode,
-    SlipCommand,
-    Uncertainty,
-    WheelSpeedCascade,
-    WheelSpeedDrive,
-    driven_wheel,
-)
+from ohmward.traction.control import Limits, Measurement, SlidingMode, SlipCommand, Uncertainty, driven_wheel
 from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.terrain import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
@@ -39,6 +30,7 @@ from ohmward_lab.traction.momentum_observer import (
     MomentumObserver,
     count_std_rad,
 )
+from ohmward_lab.traction.wheel_speed_cascade import WheelSpeedCascade, WheelSpeedDrive
 
 DT = 1e-3
 REST_S = 1.0

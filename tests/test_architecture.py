@@ -59,7 +59,10 @@ BELOW: dict[str, set[str]] = {
     "ohmward_lab.examples": {"errors"},
     "ohmward_lab.onboard": {"ohmward_lab.simulate", "onboard", "logs"} | CORE,
     "ohmward_lab.reproduce": {"ohmward_lab.published", "ohmward_lab.simulate", "figures", "logs", "report"} | CORE,
-    "ohmward_lab.assess": {"ohmward_lab.published", "ohmward_lab.simulate", "fleet", "logs"} | CORE,
+    "ohmward_lab.assess": {
+        *("ohmward_lab.published", "ohmward_lab.simulate", "ohmward_lab.traction", "fleet", "logs"),
+        *CORE,
+    },
     "ohmward_lab.cli": {
         *("ohmward_lab.assess", "ohmward_lab.reproduce", "ohmward_lab.simulate", "ohmward_lab.published"),
         *("cli", "energy", "figures", "fleet", "logs", "report"),

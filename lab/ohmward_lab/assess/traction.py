@@ -20,7 +20,7 @@ import numpy as np
 from ohmward.trace import Kernel, where
 from ohmward.trace.kernel import repeatable_lowering
 from ohmward.trace.structure import pick_lanes, side_by_side
-from ohmward.traction.control import Limits, WheelSpeedDrive
+from ohmward.traction.control import Limits
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
@@ -37,6 +37,7 @@ from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed
 from ohmward_lab.simulate.closed_loop.traction_plant import PlantInput, observed_step
 from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH
+from ohmward_lab.traction.wheel_speed_cascade import WheelSpeedDrive
 
 
 class World(NamedTuple):

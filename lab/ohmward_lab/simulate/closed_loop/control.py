@@ -23,14 +23,12 @@ from ohmward.traction.control import (
     SpeedCommand,
     SpeedController,
     Uncertainty,
-    WheelSpeedCascade,
-    WheelSpeedDrive,
     driven_wheel,
 )
 from ohmward.traction.control.slip_law import SlipLaw
-from ohmward.traction.control.wheel_speed_cascade import DriveState
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
+from ohmward_lab.traction.wheel_speed_cascade import DriveState, WheelSpeedCascade, WheelSpeedDrive
 
 #: Keys of a command that each mode takes; the first one is required.
 MODES: dict[str, tuple[str, ...]] = {

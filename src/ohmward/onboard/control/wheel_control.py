@@ -23,7 +23,7 @@ from ohmward.traction.control import (
     Uncertainty,
     driven_wheel,
 )
-from ohmward.traction.control.wheel_speed_cascade import rim_speed_m_s
+from ohmward.traction.control.slip_law import rim_speed_m_s
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 

@@ -13,7 +13,6 @@ from ohmward.traction.control.signals import (
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
 from ohmward.traction.control.speed_controller import SpeedController
-from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade, WheelSpeedDrive
 
 __all__ = [
     "ControlFlag",
@@ -27,7 +26,5 @@ __all__ = [
     "SpeedCommand",
     "SpeedController",
     "Uncertainty",
-    "WheelSpeedCascade",
-    "WheelSpeedDrive",
     "driven_wheel",
 ]

@@ -84,3 +84,10 @@ def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, lau
 
 def _sign(x: Any) -> Any:
     return where(x >= 0, 1.0, -1.0)
+
+
+def rim_speed_m_s(travel_m_s: Any, slip_target: Any, floor_m_s: float) -> Any:
+    """Speed of the rim on the surface; the robot travels forward, and braking never reverses the wheel."""
+    driving = maximum(travel_m_s / (1 - maximum(slip_target, 0.0)), travel_m_s + slip_target * floor_m_s)
+    braking = maximum(travel_m_s * (1 + slip_target), 0.0)
+    return where(slip_target >= 0, driving, braking)

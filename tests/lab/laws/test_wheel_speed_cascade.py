@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.traction.control import ControlFlag, Limits, Measurement, SlipCommand, WheelSpeedCascade, WheelSpeedDrive
-from ohmward.traction.control.slip_law import surface
-from ohmward.traction.control.wheel_speed_cascade import rim_speed_m_s
+from ohmward.traction.control import ControlFlag, Limits, Measurement, SlipCommand
+from ohmward.traction.control.slip_law import rim_speed_m_s, surface
+from ohmward_lab.traction.wheel_speed_cascade import WheelSpeedCascade, WheelSpeedDrive
 from traction.control.examples import DRY, LIMITS, SLIPPERY, WHEEL, Truth, measured, turn
 
 CASCADE = WheelSpeedCascade(WHEEL)

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
-from ohmward.trace import clip, logical_not, maximum, where
+from ohmward.trace import clip, logical_not, where
 from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
 from ohmward.traction.control.slip_controller import direction_of, has_stopped, is_slip
-from ohmward.traction.control.slip_law import surface
+from ohmward.traction.control.slip_law import rim_speed_m_s, surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 
 
@@ -81,13 +81,6 @@ class WheelSpeedCascade:
         ratio = driving_slip_ratio(rim, v)
         report = Report(ratio, target, sigma, math.nan * reference, math.nan * reference, flags)
         return CascadeState(estimate, reference), reference, report
-
-
-def rim_speed_m_s(travel_m_s: Any, slip_target: Any, floor_m_s: float) -> Any:
-    """Speed of the rim on the surface; the robot travels forward, and braking never reverses the wheel."""
-    driving = maximum(travel_m_s / (1 - maximum(slip_target, 0.0)), travel_m_s + slip_target * floor_m_s)
-    braking = maximum(travel_m_s * (1 + slip_target), 0.0)
-    return where(slip_target >= 0, driving, braking)
 
 
 class DriveState(NamedTuple):
