@@ -10,7 +10,7 @@ import pytest
 from battery.examples import row, scan
 from battery.identification.examples import measured
 from kernels import assert_compiled_is_plain
-from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
+from ohmward.battery.models.noise import PATH_S, BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
@@ -103,8 +103,9 @@ def test_without_doubts_it_is_the_textbook_filter():
     for k in range(300):
         sample = row(run.samples, k)
         F, B = rc_circuit.transition(UNEVEN, sample.dt_s)
-        path = (0.15 * (sample.current_A - before_A) * sample.dt_s) ** 2
-        variance_As2 = sensor.noise_std_A**2 * sample.dt_s + path
+        share = np.sqrt(0.5) * sample.dt_s / (sample.dt_s + PATH_S)
+        path_As = share * (sample.current_A - before_A) * sample.dt_s
+        variance_As2 = sensor.noise_std_A**2 * sample.dt_s + path_As**2
         Q = np.full((2, 2), variance_As2 / sum(UNEVEN[:2]) ** 2)
         belief = kalman.predict(belief, F, Q, B * 0.5 * (before_A + sample.current_A))
         y = np.array([sample.voltage_V - rc.instant_resistance(UNEVEN) * sample.current_A])
