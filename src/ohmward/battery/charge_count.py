@@ -74,8 +74,9 @@ def count_charge(log: Log) -> ChargeIntegral:
 def require_followed(log: Log) -> None:
     """Raise InputError where more charge may flow unseen between the rows of a log than they show, in rms over them.
 
-    Resistances that are fitted to such currents are far too small: a drive sampled every half minute halved them, with
-    a band as narrow as from a row a second. A charge counter shows what flowed.
+    Resistances that are fitted to such currents are far too small: a drive sampled every half minute gave a third of
+    them, with a band as narrow as from a row a second. Means since the row before would do, but nothing in a log tells
+    them from samples. A column that counts the charge is not looked at: where there is one, do not ask.
     """
     known = np.isfinite(log.current_A)
     time_s, current_A = log.time_s[known], log.current_A[known]
