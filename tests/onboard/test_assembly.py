@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -129,3 +130,16 @@ def test_a_signal_has_a_scale_where_one_is_given():
 def test_a_time_between_states_that_cannot_be_is_refused_for_every_sink(sink):
     with pytest.raises(InputError, match=f"_s of sink {sink.name} must be"):
         Setup(robot="rlma", sink=(sink,))
+
+
+@pytest.mark.parametrize(
+    ("of_file", "of_setup", "assumed"),
+    [(0.0, None, 0.002), (0.01, None, 0.01), (0.01, 0.0, 0.0)],
+    ids=["nobody said", "in the battery file", "in the setup"],
+)
+def test_the_voltage_sensor_of_a_robot_is_not_that_of_the_test_unless_told(tmp_path, of_file, of_setup, assumed):
+    battery = generic_battery("lfp", 12.0, 4)
+    path = tmp_path / "battery.toml"
+    save_battery(replace(battery, noise=replace(battery.noise, voltage_gain_std=of_file)), path)
+    estimation = assemble(Setup(battery=str(path), state=str(tmp_path / "state"), voltage_gain_std=of_setup)).estimation
+    assert estimation.battery and estimation.battery.noise.voltage_gain_std == assumed

@@ -489,6 +489,7 @@ def make_setup(tmp_path, battery):
 format = "ohmward-setup/1"
 battery = "{tmp_path}/battery.toml"
 state = "{tmp_path}/state"
+voltage_gain_std = 0.0
 [[source]]
 kind = "replay"
 path = "{tmp_path}/log.csv"

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
+from ohmward.battery.models.noise import VOLTAGE_GAIN_STD
 from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.outputs import MqttOutput
@@ -179,9 +181,12 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
     table, days = folder.consumption() if folder else (None, 0.0)
     if folder is None and setup.consumption and Path(setup.consumption).exists():
         table = load_consumption(setup.consumption)
-    label = load_battery(setup.battery) if setup.battery else None
+    label = battery = None
+    if setup.battery:
+        label = _with_voltage_sensor(load_battery(setup.battery), setup)
+        battery = _with_voltage_sensor(folder.battery(setup.battery), setup) if folder else label
     return Estimation(
-        folder.battery(setup.battery) if folder and setup.battery else label,
+        battery,
         load_robot(setup.robot) if setup.robot else None,
         table,
         setup.delay_s,
@@ -193,3 +198,11 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         # the same log gives the same estimates to the last digit
         repeatable_lowering() if any(isinstance(source, ReplaySource) for source in setup.source) else None,
     )
+
+
+def _with_voltage_sensor(battery: Battery, setup: Setup) -> Battery:
+    """The battery as the voltage sensor of this robot measures it, seldom the one of the battery's test."""
+    gain_std = setup.voltage_gain_std
+    if gain_std is None:
+        gain_std = battery.noise.voltage_gain_std or VOLTAGE_GAIN_STD
+    return replace(battery, noise=replace(battery.noise, voltage_gain_std=gain_std))

@@ -36,6 +36,9 @@ class Setup:
     delay_s: float = 0.0  #: time to wait for late messages of other sources, >= 0
     counts_per_turn: float | None = None  #: of encoders that send counts, > 0
     cutoff_V: float = 0.0  #: voltage of the battery at which the robot stops, for its range; 0 if nothing monitors it
+    #: relative error of the gain of the robot's voltage sensor against that of the battery's test, 0 if it is the same
+    #: one; default: the battery file's, 0.002 if that is 0
+    voltage_gain_std: float | None = None
     alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: limits beyond which an alarm is raised
     #: origin of the measurements and destination of the estimates, each with its `kind`
     source: tuple[AnySource, ...] = ()
@@ -46,6 +49,8 @@ class Setup:
         if self.counts_per_turn is not None:
             require_positive("counts_per_turn", self.counts_per_turn)
         require_each_not_negative("", self, "cutoff_V")
+        if self.voltage_gain_std is not None:
+            require_between("voltage_gain_std", self.voltage_gain_std, 0.0, 0.1)
         if self.battery is None and self.robot is None:
             raise InputError('nothing to estimate: give battery = "battery.toml", robot = "robot.toml" or both')
         for kind, parts in (("source", self.source), ("sink", self.sink)):

@@ -227,6 +227,10 @@ OFFSET_SHARE = 0.025
 OFFSET_WALK_SHARE = 0.001
 NOISE_SHARE = 0.002
 
+#: Relative error of the gain of a robot's voltage sensor against that of the battery's test. Battery monitors and
+#: dividers are specified within 0.2 to 0.5 %.
+VOLTAGE_GAIN_STD = 0.002
+
 #: An offset of more standard deviations is not credible: something else is wrong.
 MOST_OFFSET = 3.0
 #: A smaller difference of two offsets is rounding.
