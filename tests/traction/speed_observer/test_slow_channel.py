@@ -1,8 +1,9 @@
-"""Currents that come less often than the samples of a log."""
+"""Currents and encoders that come less often than the samples of a log."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ohmward.logs.drive_log import DriveLog
@@ -13,7 +14,7 @@ from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
-from .examples import RLMA_ON_FLOOR
+from .examples import RLMA_ON_FLOOR, log, observed
 
 NAN = np.nan
 
@@ -85,3 +86,21 @@ def test_an_encoder_is_missing_only_where_one_was_due():
     log = DriveLog("slow", time_s, wheels, np.zeros((len(time_s), 2)), yaw_rate_rad_s=np.zeros(len(time_s)))
     track = observe(SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(gyro_std_rad_s=0.01)), log)
     assert np.flatnonzero(track.flags & SlipFlag.NO_ENCODER).tolist() == [100, 101, 102, 103]
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_wheels_that_break_away_between_two_values_do_not_carry_the_speed_with_them(every):
+    """Onto ice at 0.5 m/s: the rims gain 5 m/s^2, and the body what traction the motors leave."""
+    robot, radius_m = RLMA_ON_FLOOR.robot, RLMA.wheel.radius_m
+    rim_m_s = np.concatenate([np.linspace(0.0, 0.5, 200), np.full(200, 0.5), 0.5 + 0.05 * np.arange(50.0)])
+    current_A = np.concatenate([np.full(200, 0.8), np.full(200, 0.36), np.full(50, 2.5)])
+    spinning_Nm = robot.inertia[robot.freedoms] * 5.0 / radius_m
+    force_N = 2 * (robot.motor.wheel_constant_Nm_per_A * 2.5 - spinning_Nm) / radius_m
+    body_m_s = 0.5 + force_N / robot.inertia[0] * 0.5
+    samples = log(rim_m_s / radius_m, current_A)
+    given = np.full(rim_m_s.shape, NAN)
+    given[every - 1 :: every] = rim_m_s.reshape(-1, every).mean(axis=1)
+    samples.wheel_speed_rad_s[:, :2] = given[:, None] / radius_m
+    _, e = observed(SpeedObserver(RLMA_ON_FLOOR, rest_hold_s=np.inf), samples)
+    assert e.speed_m_s[395] == pytest.approx(0.5, abs=0.02)
+    assert e.speed_m_s[-1] == pytest.approx(body_m_s, abs=0.2)

@@ -284,6 +284,7 @@ class CleanSample(NamedTuple):
     speed_refused: Scalar = False  #: the condition that a speed of the body was given that no robot can have now
     current_refused: Scalar = False  #: the condition that a current was measured that no wheel can have taken
     lag_share: Any = 1.0  #: (wheels,) share of the time since each encoder's last value over which its speed is a mean
+    wheel_known: Any = False  #: (wheels,) conditions, true too where an encoder is only slower than the samples
     interval_s: Any = 0.0  #: (wheels,) usual time between two values of each encoder; 0 before the second
     rest_s: Scalar = 0.0  #: time for which wheels and motors have been at rest
     resting: Scalar = False  #: the condition that this has lasted long enough for a standstill

@@ -159,7 +159,8 @@ def correct_wheel(
     jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_informative else nu
     opened = choose(used_now & rejected, ground_unknown(prior, k, jumped, model), prior)
     posterior = correct_speed(opened, encoder, used_now, model)
-    added_variance = where(used_now, 0.0, rejected_variance(prior, k, clean.modelled_s, model))
+    slower = clean.wheel_known[k] & logical_not(measured)
+    added_variance = where(used_now, 0.0, unmeasured_variance(prior, k, slower, clean.modelled_s, model))
     return WheelCorrection(
         belief=inflate(posterior, 0, added_variance),
         used=used_now & (nu * nu <= gate.nis * S),
@@ -253,11 +254,15 @@ def friction_unknown(belief: Belief, model: Model) -> Belief:
     return widen(belief, model.layout.index("log_friction"), model.noise.friction_std**2)
 
 
-def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:
-    """Variance [m^2/s^2] that the speed gains in `dt_s` while the traction of driven wheel k is not known."""
+def unmeasured_variance(belief: Belief, k: int, slower: Condition, dt_s: Scalar, model: Model) -> Scalar:
+    """Variance [m^2/s^2] that the speed gains in `dt_s` while the traction of driven wheel k is not measured.
+
+    slower: the condition that its encoder is only slower than the samples. The next value will show the traction, so
+        its error is white; a lasting one would let the speed take the jump of a wheel that slides.
+    """
     force_N = abs(model.traction_N(belief.mean)[k])
     growth = maximum(force_N / model.scene.robot.inertia[0], ENCODER_GROWTH_M_S2) * dt_s
-    return growth * (growth + 2 * std(belief.cov[0, 0]))
+    return growth * (growth + where(slower, 0.0, 2 * std(belief.cov[0, 0])))
 
 
 def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:

@@ -292,7 +292,8 @@ class SpeedObserver:
         stds = matched_stds(state.matched, self.model) if self.matching else None
         matched = match(state.matched, clean, self.model, self.window) if self.matching else state.matched
         clean = hold_currents(clean, state.current_A, current_intervals)._replace(stds=stds)
-        at_rest = self.is_at_rest(clean, holds(encoder_intervals))
+        clean = clean._replace(wheel_known=clean.wheel_measured | holds(encoder_intervals))
+        at_rest = self.is_at_rest(clean)
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
         lag_share = share_measured(state.encoder_intervals, encoder_intervals, clean.dt_s)
         clean = clean._replace(lag_share=lag_share, interval_s=encoder_intervals.usual_s)
@@ -306,15 +307,12 @@ class SpeedObserver:
         )
         return before, clean, state
 
-    def is_at_rest(self, clean: CleanSample, holds: np.ndarray) -> Scalar:
-        """True where all driven wheels and motors are measured, and all are at rest.
-
-        holds: (wheels,) conditions that an encoder without a value is only slower than the samples.
-        """
+    def is_at_rest(self, clean: CleanSample) -> Scalar:
+        """True where all driven wheels and motors are known, and all are at rest."""
         n = self.model.driven
         still = [within(speed, self.rest_wheel_rad_s) for speed in clean.wheel_speed_rad_s[:n]]
         idle = [within(current, self.rest_current_A) for current in clean.current_A]
-        return every([*still, *idle, *(clean.wheel_measured | holds)[:n], *clean.current_measured])
+        return every([*still, *idle, *clean.wheel_known[:n], *clean.current_measured])
 
     def predict(self, state: ObserverState, before: Belief, clean: CleanSample) -> Prediction:
         """Predict the belief over one step."""
@@ -399,12 +397,11 @@ class SpeedObserver:
         lost: Scalar,
     ) -> Scalar:
         """Flags of a sample; state: with the clocks and the watches after it."""
-        encoder_holds = holds(state.encoder_intervals)[: self.model.driven]
         return flags_of({
             SlipFlag.BAD_TIME: logical_not(clean.time_credible),
             SlipFlag.GAP: clean.gap,
             SlipFlag.NO_CURRENT: some([logical_not(every(clean.current_measured)), clean.current_refused]),
-            SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven] | encoder_holds)),
+            SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_known[: self.model.driven])),
             SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
             SlipFlag.ENCODER_REJECTED: some([wheels.suspect, body.passive_suspect]),
