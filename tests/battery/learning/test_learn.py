@@ -33,6 +33,14 @@ def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Belief]:
     return model, prior
 
 
+def test_a_search_that_begins_where_another_ended_does_not_run_the_circuit_again(monkeypatch):
+    model, prior = problem(TESTED, day(MODEL, 1))
+    found, runs = model.predict(prior.mean), []
+    monkeypatch.setattr(VoltageModel, "circuit", lambda self, x: runs.append(x))
+    assert model.predict(prior.mean.copy()) is found
+    assert not runs
+
+
 def test_the_solution_is_that_of_a_kalman_filter_that_considers_the_places_of_empty_and_full():
     model, prior = problem(TESTED, day(MODEL, 1))
     anchors = [SocAnchor(0, 1.0, 0.01)]

@@ -137,7 +137,9 @@ class PartProblem:
         of_offset, offset_columns = self.model.offset_rows(x)
         offset_std_A = max(self.model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
         of_anchors = np.concatenate([of_soc, of_offset / offset_std_A])
-        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / offset_std_A])
+        columns = np.empty((scale.size + of_anchors.size, x.size))
+        np.multiply(scale[:, None], p.voltage_columns, out=columns[: scale.size])
+        columns[scale.size :] = np.vstack([soc_columns, offset_columns / offset_std_A])
         # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
         width = self.weight @ np.log(variance_V2)
         cost = float(self.weight @ pseudo_huber(robust) + of_anchors @ of_anchors + width)

@@ -22,8 +22,9 @@ test, the slip of its electrodes moves it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -121,11 +122,11 @@ class OpenCircuit:
         """Voltage [V] without hysteresis at these charges (N,)."""
         group, curve = self.parameters.group, self.model.ocv
         voltage_V = np.asarray(curve.mean_V(self.place.at(charge), temperature_degC))
-        voltage_V = voltage_V + hat(charge, OCV_KNOTS) @ self.theta[group("ocv")]
+        voltage_V = voltage_V + np.interp(charge, OCV_KNOTS, self.theta[group("ocv")])
         entropy = self.theta[group("entropy")]
         if not entropy.size:
             return voltage_V
-        return voltage_V + (temperature_degC - curve.reference_degC) * (hat(charge, ENTROPY_KNOTS) @ entropy)
+        return voltage_V + (temperature_degC - curve.reference_degC) * np.interp(charge, ENTROPY_KNOTS, entropy)
 
     def slope_V(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """Slope of the voltage along the charge [V] (N,)."""
@@ -134,8 +135,13 @@ class OpenCircuit:
 
     def columns(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """(N, K) derivatives of the voltage by the corrections."""
-        group, curve = self.parameters.group, self.model.ocv
         columns = np.zeros((charge.size, self.parameters.size))
+        self.fill(columns, charge, temperature_degC)
+        return columns
+
+    def fill(self, columns: np.ndarray, charge: np.ndarray, temperature_degC: np.ndarray | float) -> None:
+        """Write the derivatives by the corrections of the curve to their places in columns (N, K or more)."""
+        group, curve = self.parameters.group, self.model.ocv
         z, degC = self.place.at(charge), temperature_degC
         steep_V = (curve.mean_V(z + SLOPE_WIDTH, degC) - curve.mean_V(z - SLOPE_WIDTH, degC)) / (2 * SLOPE_WIDTH)
         by_capacity, by_slip = self.place.columns(charge).T
@@ -146,7 +152,6 @@ class OpenCircuit:
         if self.theta[group("entropy")].size:
             warmer_K = np.broadcast_to(degC - curve.reference_degC, charge.shape)
             columns[:, group("entropy")] = warmer_K[:, None] * hat(charge, ENTROPY_KNOTS)
-        return columns
 
 
 #: Interval between changes of the offset of a current sensor [h], and most such changes.
@@ -217,12 +222,20 @@ class VoltageModel:
 
     def predict(self, x: np.ndarray) -> VoltageInRows:
         """Voltage in the rows with the unknowns x (K + M,), and its derivatives."""
-        K = self.parameters.size
+        return self._predictions(x.tobytes())
+
+    @cached_property
+    def _predictions(self) -> Callable[[bytes], VoltageInRows]:
+        """The last prediction: a search with other weights or another prior begins where the one before ended."""
+        return lru_cache(maxsize=1)(lambda x: self._predict(np.frombuffer(x)))
+
+    def _predict(self, x: np.ndarray) -> VoltageInRows:
         there = self.circuit(x) if self.about is None else self.about.at(x, self.rows)
         soc, degC = there.soc, self.samples.temperature_degC[self.rows]
-        curve = OpenCircuit(self.battery, x[:K], self.parameters)
-        columns = there.voltage_columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(self.rows)
-        columns[:, :K] += curve.columns(soc, degC)
+        curve = OpenCircuit(self.battery, x[: self.parameters.size], self.parameters)
+        columns = there.voltage_columns.copy()
+        columns[:, there.charge.moving] += curve.slope_V(soc, degC)[:, None] * there.charge.moving_columns(self.rows)
+        curve.fill(columns, soc, degC)
         misfit = self.unknowns.group("misfit")
         columns[:, misfit] = hat(soc, MISFIT_KNOTS)
         voltage_V = curve.at(soc, degC) + there.voltage_V + columns[:, misfit] @ x[misfit]
@@ -232,9 +245,8 @@ class VoltageModel:
         """The model with every `every`-th row, its circuit linear about x: much quicker."""
         part = VoltageModel(self.battery, self.samples, self.rows[::every])
         there = part.circuit(x)
-        columns = there.charge.columns(np.arange(self.samples.time_s.size))
-        moving = np.flatnonzero(columns.any(axis=0))
-        return replace(part, about=LinearCircuit(x, there, moving, columns[:, moving]))
+        columns = there.charge.moving_columns(np.arange(self.samples.time_s.size))
+        return replace(part, about=LinearCircuit(x, there, columns))
 
     def offset_rows(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets [A] that declared rests show beyond those in x, (B,), and their derivatives (B, K + M)."""
@@ -263,6 +275,17 @@ class VoltageModel:
     def places(self) -> np.ndarray:
         """Places of the corrections of the circuit among the unknowns; an offset is the last of them."""
         return self.parameters.places(*Corrections._fields)
+
+    @cached_property
+    def moving_corrections(self) -> np.ndarray:
+        """Places of the corrections that move the charge; an offset that the file has is the last of them."""
+        moving = self.sensitive.moving
+        return self.places[moving[moving < self.places.size]]
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """Places of the unknowns on which the charge depends: corrections, its start, jumps, changes of the offset."""
+        return np.concatenate([self.moving_corrections, self.unknowns.places("start soc", "jumps", "offset changes")])
 
     def circuit(self, x: np.ndarray) -> VoltageInRows:
         """Voltage of the circuit without its curve: overpotentials and hysteresis."""
@@ -340,7 +363,7 @@ class ChargeAlong(NamedTuple):
     of: VoltageModel
     x: np.ndarray  #: (K + M,) unknowns
     charge: np.ndarray  #: (T,)
-    by_circuit: np.ndarray  #: (T, P) derivatives by the corrections of the circuit, the last of them the offset
+    by_circuit: np.ndarray  #: (T, C) derivatives by the corrections that move it, the last of them the offset
 
     @property
     def log_ratio(self) -> float:
@@ -352,15 +375,28 @@ class ChargeAlong(NamedTuple):
         """(T,) state of charge."""
         return true_soc(self.charge, self.log_ratio)
 
+    @property
+    def moving(self) -> np.ndarray:
+        """Places of the unknowns on which the charge depends."""
+        return self.of.moving
+
+    def moving_columns(self, at: np.ndarray) -> np.ndarray:
+        """Derivatives of the charge in these samples (N,) by the unknowns on which it depends."""
+        by_circuit = self.by_circuit[at]
+        before = self.by_circuit[self.of.offset_starts - 1, -1]
+        return np.hstack(
+            [
+                by_circuit[:, : self.of.moving_corrections.size],
+                np.ones((at.size, 1)),
+                at[:, None] >= self.of.jump_starts,
+                np.minimum(by_circuit[:, -1, None] - before, 0.0),
+            ]
+        )
+
     def columns(self, at: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the charge in these samples."""
-        places, group = self.of.places, self.of.unknowns.group
         columns = np.zeros((at.size, self.x.size))
-        columns[:, places] = self.by_circuit[at, : places.size]
-        columns[:, group("start soc")] = 1.0
-        columns[:, group("jumps")] = at[:, None] >= self.of.jump_starts
-        before = self.by_circuit[self.of.offset_starts - 1, -1]
-        columns[:, group("offset changes")] = np.minimum(self.by_circuit[at, -1, None] - before, 0.0)
+        columns[:, self.moving] = self.moving_columns(at)
         return columns
 
     def soc_columns(self, at: np.ndarray) -> np.ndarray:
@@ -375,13 +411,12 @@ class LinearCircuit(NamedTuple):
 
     x: np.ndarray
     circuit: VoltageInRows
-    moving: np.ndarray  #: places of the unknowns on which the charge depends
-    charge_columns: np.ndarray  #: its derivatives by these at every sample
+    charge_columns: np.ndarray  #: derivatives of the charge at every sample by the unknowns on which it depends
 
     def at(self, x: np.ndarray, rows: np.ndarray) -> VoltageInRows:
         """Both at other unknowns; rows: those of the model."""
         there, step = self.circuit, x - self.x
-        charge = there.charge.charge + self.charge_columns @ step[self.moving]
+        charge = there.charge.charge + self.charge_columns @ step[there.charge.moving]
         return there._replace(
             soc=charge[rows],
             voltage_V=there.voltage_V + there.voltage_columns @ step,

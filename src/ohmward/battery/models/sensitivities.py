@@ -60,7 +60,7 @@ class CircuitAlong(NamedTuple):
     soc: Any  #: by the capacity of the file
     voltage_V: Any
     over_V2: Any  #: sum of the squares of the overpotentials [V^2]
-    soc_columns: Any  #: (T, P)
+    soc_columns: Any  #: (T, C) by the corrections that move SoC, see `SensitiveCircuit.moving`
     #: (T, Q) of the voltage at constant SoC; those by RC voltages refer to the start or to the last gap before
     voltage_columns: Any
     hysteresis_V: Any  #: difference of the voltages from the upper and the lower hysteresis at the start
@@ -77,6 +77,12 @@ class SensitiveCircuit(NamedTuple):
         """The corrections of a vector (P,)."""
         ends = np.cumsum(self.sizes).tolist()
         return Corrections(*(theta[end - size : end] for end, size in zip(ends, self.sizes, strict=True)))
+
+    @property
+    def moving(self) -> np.ndarray:
+        """(C,) places of the corrections that move SoC; all others never do."""
+        _, pattern = _kernel(self)
+        return np.flatnonzero(pattern[0, : sum(self.sizes)])
 
     def along(self, theta: np.ndarray, soc: float, samples: CircuitSample) -> CircuitAlong:
         """The circuit along a log with the corrections theta (P,), from this SoC."""
@@ -114,7 +120,8 @@ class SensitiveCircuit(NamedTuple):
         over_V = overpotentials(np.array([*x, h[1]]), u._replace(current_A=u.current_A - k.offset_A), p, k)
         after = CircuitState(x, h, S[pattern], state.theta)
         width_V = G[0, n + 1] * (h[2] - h[0])
-        out = CircuitAlong(x[0], V[0], sum(v * v for v in over_V), S[0, :P], columns, width_V, left)
+        of_soc = S[0, :P][pattern[0, :P]]
+        out = CircuitAlong(x[0], V[0], sum(v * v for v in over_V), of_soc, columns, width_V, left)
         return after, out
 
     def next_circuit(self, state: CircuitState, sample: CircuitSample) -> tuple[np.ndarray, np.ndarray]:
