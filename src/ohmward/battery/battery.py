@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Knowledge:
         lower = covariance[np.tril_indices(len(names))]
         return cls(tuple(names), tuple(lower.tolist()), tuple(logs), seen_from_soc)
 
-    @property
+    @cached_property
     def matrix(self) -> np.ndarray:
         """(K, K) covariance; eigenvalues that rounding in the file made too small are raised to a minimum."""
         size = len(self.names)
@@ -72,7 +73,9 @@ class Knowledge:
         full += np.tril(full, -1).T
         std = np.sqrt(np.maximum(np.diag(full), _LEAST_VARIANCE))
         values, vectors = np.linalg.eigh(full / np.outer(std, std))
-        return np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_KNOWN_EIGENVALUE)) @ vectors.T)
+        matrix = np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_KNOWN_EIGENVALUE)) @ vectors.T)
+        matrix.flags.writeable = False  # made once for all that ask
+        return matrix
 
 
 #: Smallest eigenvalue of a correlation matrix: numbers in a file have six digits.

@@ -41,6 +41,13 @@ def test_a_search_that_begins_where_another_ended_does_not_run_the_circuit_again
     assert not runs
 
 
+def test_the_covariance_of_a_file_is_made_positive_definite_once():
+    learnt = taught_by(1).knowledge
+    assert learnt.matrix is learnt.matrix
+    with pytest.raises(ValueError, match="read-only"):
+        learnt.matrix[0, 0] = 1.0
+
+
 def test_the_solution_is_that_of_a_kalman_filter_that_considers_the_places_of_empty_and_full():
     model, prior = problem(TESTED, day(MODEL, 1))
     anchors = [SocAnchor(0, 1.0, 0.01)]

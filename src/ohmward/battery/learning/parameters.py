@@ -6,6 +6,8 @@ capacity positive, and make twice a value as likely as half of it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +90,8 @@ def prior_covariance(battery: Battery) -> np.ndarray:
     return P + follows.T @ (learnt.matrix[np.ix_(still, still)] - P[among]) @ follows
 
 
-class _Prior(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Prior:
     """Covariance of the parameters before any log, from the noise in the file."""
 
     battery: Battery
@@ -98,7 +101,7 @@ class _Prior(NamedTuple):
     def noise(self) -> BatteryNoise:
         return self.battery.noise
 
-    @property
+    @cached_property
     def parameters(self) -> Unknowns:
         groups = self.groups
         return Unknowns(
@@ -124,7 +127,7 @@ class _Prior(NamedTuple):
             P[level, capacity] = -self.noise.ageing_covariance
         return P
 
-    @property
+    @cached_property
     def groups(self) -> dict[str, Group]:
         """All groups in their order, without members where the file takes them as exact."""
         noise, model = self.noise, self.model
