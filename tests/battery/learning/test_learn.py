@@ -1,9 +1,11 @@
 """Learning against independent solutions: a Kalman filter, finite differences, and the same logs in other orders."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 from battery.learning.test_another_battery import day, taught_by
 from cli.examples import MODEL
@@ -41,8 +43,21 @@ def test_a_search_that_begins_where_another_ended_does_not_run_the_circuit_again
     assert not runs
 
 
+def test_learning_keeps_blas_on_one_thread(monkeypatch):
+    pools: list[int] = []
+
+    def record(*_):
+        pools.extend(pool["num_threads"] for pool in threadpoolctl.threadpool_info())
+        raise InputError("seen enough")
+
+    monkeypatch.setattr(sys.modules[learn.__module__], "new_parts", record)
+    learn(TESTED, [day(MODEL, 1)])
+    assert set(pools) == {1}
+
+
 def test_the_covariance_of_a_file_is_made_positive_definite_once():
     learnt = taught_by(1).knowledge
+    assert learnt is not None
     assert learnt.matrix is learnt.matrix
     with pytest.raises(ValueError, match="read-only"):
         learnt.matrix[0, 0] = 1.0

@@ -72,6 +72,7 @@ from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import starts_of_logs
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
+from ohmward.optional import one_blas_thread
 
 #: Called with the name of a log and the share of all logs that is done.
 Progress = Callable[[str, float], None]
@@ -138,6 +139,7 @@ def learn(
     return Learnt(battery, tuple(updates))
 
 
+@one_blas_thread()
 def learn_log(
     battery: Battery, log: Log, initial_soc: float | None = None, check_fit: bool = True
 ) -> tuple[Battery, LogUpdate]:
