@@ -4,8 +4,9 @@ import pytest
 from needs import measured_file
 from ohmward.logs import read_log
 from ohmward.logs.doctor import examine
+from ohmward.logs.hints import FileHints
 from ohmward.logs.log import Log, UnknownSignError
-from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test
+from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test, turned_sign
 from ohmward.signals.survey import resolution
 
 
@@ -221,3 +222,45 @@ def test_a_voltage_that_is_some_samples_late_never_tells_the_wrong_sign(late):
     voltage_V = np.round(13.2 + 1e-3 * np.concatenate([np.full(late, current_A[0]), current_A])[: current_A.size], 2)
     edges = edge_test(current_A, voltage_V)
     assert edges.sign == (1 if late == 0 else 0)
+
+
+@pytest.fixture
+def turned(tmp_path):
+    """A log of 1800 s, written with the other sign from 900 s on; the first edge after that is at 930 s."""
+    time_s = np.arange(1800.0)
+    right_A = np.repeat(np.resize([-4.0, 0.0, -1.0, 2.0], 60), 30)
+    voltage_V = 12.0 + 0.05 * right_A + 1e-4 * np.random.default_rng(3).normal(size=time_s.size)
+    current_A = np.where(time_s < 900.0, right_A, -right_A)
+    path = tmp_path / "day.csv"
+    np.savetxt(
+        path,
+        np.column_stack([time_s, current_A, voltage_V]),
+        delimiter=",",
+        header="time_s,current_A,voltage_V",
+        comments="",
+    )
+    return path, right_A
+
+
+def test_a_sign_that_turns_within_a_log_is_named_with_its_moment(turned):
+    path, _ = turned
+    with pytest.raises(UnknownSignError, match=r"charges the battery up to 870 s .* discharges it from 930 s on"):
+        read_log(path)
+    notes = "; ".join(map(str, read_log(path, current_sign="charge").notes))
+    assert "warning: positive current charges the battery (given), but the sign of the current turns" in notes
+    assert "read each part alone, with --to 870 and with --from 930" in notes
+
+
+@pytest.mark.parametrize("hints", [FileHints(stop="870"), FileHints(start="930")])
+def test_each_part_of_a_log_whose_sign_turns_has_its_own(turned, hints):
+    path, right_A = turned
+    log = read_log(path, hints=hints)
+    assert log.current_A == pytest.approx(right_A[log.time_s.astype(int)])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02])
+def test_a_sign_that_hardly_ever_turns_is_one(share):
+    current_A = np.repeat(np.resize([-4.0, 0.0, -1.0, 2.0], 100), 30)
+    voltage_V = 12.0 + 0.05 * current_A
+    current_A[: int(share * current_A.size)] *= -1.0
+    assert turned_sign(np.arange(current_A.size), current_A, voltage_V) is None

@@ -16,7 +16,7 @@ from ohmward.logs.table import counted
 from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
 from ohmward.signals.checks import Finding, Severity, beyond_limits, in_order, no_numbers, too_seldom
-from ohmward.signals.current_sign import SignEvidence, check_current_sign, lost_sign, sign_evidence
+from ohmward.signals.current_sign import SignEvidence, check_current_sign, lost_sign, sign_evidence, turned_sign
 from ohmward.signals.current_size import check_hidden_charge
 from ohmward.signals.survey import Sampling, Signal, find_gaps, sampling_of, signal_of
 
@@ -161,7 +161,8 @@ def examine(log: LogSource) -> Findings[Survey]:
     evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     found = survey(log, evidence)
     hidden = check_hidden_charge(log.time_s, log.current_A, log.voltage_V)
-    lost = filter(None, (lost_sign(log.current_A, log.voltage_V),))
+    turned = turned_sign(log.time_s, log.current_A, log.voltage_V)
+    lost = filter(None, (lost_sign(log.current_A, log.voltage_V) or turned,))
     findings = in_order((*_faults_of_battery(found, evidence), *hidden, *lost))
     return Findings(log.name, found, findings, tuple(map(str, log.notes)))
 

@@ -23,6 +23,7 @@ from ohmward.logs.battery_columns import (
 from ohmward.logs.clean import without_impossible
 from ohmward.logs.clock import with_joined_time
 from ohmward.logs.columns import BDF_NAMES, UnclearColumnsError, find_columns, has_bdf_columns, is_bdf
+from ohmward.logs.dates import window_s
 from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
@@ -31,7 +32,7 @@ from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_s
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.checks import Finding
-from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
+from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence, turned_sign
 from ohmward.signals.current_size import check_wrapped, not_in_amperes
 
 #: Quantities of the battery that have an array of their own; others are among `extra`.
@@ -318,7 +319,9 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         warnings += _other_than_amperes(chosen["current"].name, current_A, voltage_V)
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
-    current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
+    window = window_s(file.stem, start_unix_s, file.hints)
+    part = slice(None) if window is None else slice(*np.searchsorted(time_s, window))
+    current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V, part)
     own = {*rows.own, *BDF_NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)
     warnings += impossible
@@ -368,13 +371,20 @@ class UnknownSignError(InputError):
     def __init__(self, text: str, likely: CurrentSign, is_lost: bool = False) -> None:
         super().__init__(text, () if is_lost else ("--current-sign", likely))
         self.likely = likely
-        self.is_lost = is_lost  #: charge and discharge are logged with the same sign: neither choice is right
+        self.is_lost = is_lost  #: the current has no sign, or turns it: neither choice is right
 
 
 def charging_current(
-    file: TableFile, wanted: CurrentSign, time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+    file: TableFile,
+    wanted: CurrentSign,
+    time_s: np.ndarray,
+    current_A: np.ndarray,
+    voltage_V: np.ndarray,
+    part: slice,
 ) -> tuple[np.ndarray, Note]:
     """Current (T,) [A] of a file, > 0 charging, and a note; the sign is given, set by the format, or found in the data.
+
+    part: the wanted rows, whose own sign counts where the whole file has none.
 
     Raises:
         UnknownSignError: the sign cannot be determined, or the current has lost it.
@@ -382,8 +392,9 @@ def charging_current(
     """
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
-    evidence = sign_evidence(time_s, current_A, voltage_V)
-    directions = lost_sign(current_A, voltage_V)
+    evidence, directions = _sign_in(time_s, current_A, voltage_V)
+    if directions:
+        evidence, directions = _sign_in(time_s[part], current_A[part], voltage_V[part])
     sign: str
     if wanted != "auto":
         sign = wanted
@@ -412,6 +423,12 @@ def charging_current(
             evidence.likely,
         )
     return -current_A if sign == "discharge" else current_A, note
+
+
+def _sign_in(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[SignEvidence, Finding | None]:
+    """The evidence of the sign of a current (T,) [A], and a finding on one that has no sign or turns it."""
+    directions = lost_sign(current_A, voltage_V) or turned_sign(time_s, current_A, voltage_V)
+    return sign_evidence(time_s, current_A, voltage_V), directions
 
 
 def _given_note(given: str, by: str, evidence: SignEvidence, directions: Finding | None) -> Note:

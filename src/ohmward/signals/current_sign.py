@@ -26,6 +26,8 @@ CLEAR_T_OF_MANY = 5.0
 _MANY = 8
 # Of the edges weighted by size at least nine tenths agree: sum(dI dV) is 0.8 of sum(|dI dV|).
 CLEAR_AGREEMENT = 0.8
+#: Edges that agree by this much have one sign throughout: a fiftieth of them turned would leave less.
+_ONE_SIGN = 0.96
 # Smallest edge, as a fraction of the largest change and of the largest current, and above rounding.
 _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
@@ -144,6 +146,35 @@ def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> Finding | None:
     )
 
 
+def turned_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> Finding | None:
+    """A finding on a current whose sign turns within the log: the edges before a moment contradict those after it.
+
+    The moment is the one at which the sums of dI dV before and after it differ most.
+
+    time_s: (T,) [s] increasing; current_A: (T,) [A]; voltage_V: (T,) [V]; NaN samples are left out.
+    """
+    time_s, current_A, voltage_V = where_known(time_s, current_A, voltage_V)
+    whole = edge_test(current_A, voltage_V)
+    if whole.edges < 2 * _MANY or abs(whole.agreement) >= _ONE_SIGN:
+        return None
+    edge = np.flatnonzero(_edges_of(np.diff(current_A), float(np.abs(current_A).max())))
+    before = np.cumsum(np.diff(current_A)[edge] * np.diff(voltage_V)[edge])
+    last = int(np.argmax(np.abs(2.0 * before - before[-1])))
+    if last + 1 >= edge.size:
+        return None
+    stop, start = edge[last] + 1, edge[last + 1] + 1
+    parts = [edge_test(current_A[part], voltage_V[part]) for part in (slice(stop + 1), slice(start, None))]
+    if min(part.edges for part in parts) < _MANY or parts[0].sign * parts[1].sign != -1:
+        return None
+    ways = ["charges" if part.sign > 0 else "discharges" for part in parts]
+    return Finding(
+        "error",
+        f"the sign of the current turns: positive {ways[0]} the battery up to {time_s[stop]:g} s "
+        f"({parts[0].edges} edges) and {ways[1]} it from {time_s[start]:g} s on ({parts[1].edges} edges)",
+        f"read each part alone, with --to {time_s[stop]:g} and with --from {time_s[start]:g}",
+    )
+
+
 def _goes_on(size_A: np.ndarray, voltage_V: np.ndarray, way: float, noise_V: float) -> bool:
     """True if the voltage (T,) goes on one way (1 up, -1 down) while the current (T,) stays near its first value."""
     changed = np.abs(size_A - size_A[0]) > _STEADY * size_A[0]
@@ -162,10 +193,8 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     """
     dI, dV = np.diff(current_A), np.diff(voltage_V)
     some = slice(None, None, max(dI.size // _NOISE_FROM, 1))
-    size = np.abs(dI)
     largest_A = max(-current_A.min(initial=0.0), current_A.max(initial=0.0))
-    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * largest_A, _LEAST_EDGE_A)
-    edge = (size >= least) & (size > 6.0 * spread(dI[some]))
+    edge = _edges_of(dI, largest_A)
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)
     products = dI[edge] * dV[edge]
@@ -178,6 +207,13 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     if total == 0.0 or error == 0.0 or _answers_later(dI, dV, slope):
         return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
     return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)
+
+
+def _edges_of(dI: np.ndarray, largest_A: float) -> np.ndarray:
+    """Mask (T - 1,) of the changes of the current [A] that are edges, see `edge_test`."""
+    size = np.abs(dI)
+    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * largest_A, _LEAST_EDGE_A)
+    return (size >= least) & (size > 6.0 * spread(dI[:: max(dI.size // _NOISE_FROM, 1)]))
 
 
 def _answers_later(dI: np.ndarray, dV: np.ndarray, slope_ohm: float) -> bool:
