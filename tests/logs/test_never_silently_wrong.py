@@ -22,8 +22,8 @@ def log_text(time, names=NAMES):
     [
         (1e3, "which names no unit, gives a sample every 1e", "ms"),
         (1e2, "which names no unit, gives a sample every 100 s", "ms"),
-        (1e6, "which names no unit, gives a sample every 1e", "ms"),
-        (1e9, "which names no unit, gives a sample every 1e|gives a log of", "ms"),
+        (1e6, "which names no unit, gives a sample every 1e", "us"),
+        (1e9, "which names no unit, gives a sample every 1e|gives a log of", "ns"),
         (1e-6, "which names no unit, gives a sample every 1e-06 s", "h"),
         (1 / 3600, "which names no unit, gives a sample every 0.000278 s", "h"),
         (1 / 360, "which names no unit, gives a sample every 0.00278 s", "min"),
@@ -70,7 +70,7 @@ def test_a_voltage_that_no_battery_has_asks_for_the_unit(write_text, name, unit,
 def test_seconds_that_may_be_milliseconds_are_doubted(write_text, interval, doubted):
     """A battery logged every 20 s, or at 50 Hz in milliseconds: only who made the log knows."""
     log = read_log(write_text(log_text(lambda t: interval * t)))
-    text = f"one sample every {interval:g} s: if these are milliseconds, say --unit time=ms"
+    text = f"one sample every {interval:g} s: if these are ms, say --unit time=ms"
     assert any(note.level == "warning" and text in note.text for note in log.notes) == doubted
     assert not any(text in note.text for note in read_log(write_text(log_text(lambda t: interval * t)), units=S).notes)
 
@@ -258,3 +258,30 @@ def test_a_date_in_the_future_is_named_and_kept(write_text):
     assert log.begin_unix_s is not None
     named = [note.text for note in log.notes if "in the future by the clock of this computer" in note.text]
     assert named[0].startswith("the first date is 2091-03-01T00:00:00")
+
+
+def day(time_unit=1.0, current_unit=1.0, interval_s=1.0, ohm=0.14):
+    """Half an hour of a battery of seven cells, 29 loads and charges, its numbers multiplied by the given factors."""
+    time_s = interval_s * np.arange(1800.0)
+    current_A = np.repeat(np.resize([-9.0, -0.5, 2.0, -3.0, 0.0], 30), 60)
+    voltage_V = 28.0 + ohm * current_A + 0.001 * np.random.default_rng(2).normal(size=time_s.size)
+    return zip(time_unit * time_s, current_unit * current_A, voltage_V, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("names", "factors", "option"),
+    [
+        (("time_s", "current_A", "voltage_V"), {"time_unit": 1e3}, "--unit time=ms"),
+        (("time_s", "current_A", "voltage_V"), {"current_unit": 1e3}, "--unit current=mA"),
+        (("time_s", "current_mA", "voltage_V"), {"current_unit": 1.0}, "--unit current=A"),
+        (("time_s", "current_mA", "voltage_V"), {"current_unit": 1e6}, "--unit current=uA"),
+        (("time_s", "current_A", "voltage_V"), {}, ""),
+        (("time_s", "current_A", "voltage_V"), {"interval_s": 30.0}, ""),
+        (("time_s", "current_A", "voltage_V"), {"ohm": 0.0015}, ""),
+        (("time_s", "current_mA", "voltage_V"), {"current_unit": 1e3, "ohm": 0.5}, ""),
+    ],
+)
+def test_a_unit_in_a_name_that_the_resistance_contradicts_is_warned_of(write_text, names, factors, option):
+    log = read_log(write_text(lines(names, ([f"{value:.6f}" for value in row] for row in day(**factors)))))
+    options = [" ".join(note.options) for note in log.notes if note.options]
+    assert options == ([option] if option else [])

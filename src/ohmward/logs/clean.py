@@ -19,7 +19,7 @@ from ohmward.quantities import DAY_S, QUANTITIES, SECONDS_PER_HOUR, Quantity
 from ohmward.runs import from_to, long_runs, repeats, where_known
 from ohmward.signals.checks import beyond_limits, no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.current_size import not_in_amperes
+from ohmward.signals.current_size import charge_of_no_battery, not_in_amperes
 from ohmward.signals.survey import find_gaps, resolution, spread, usual_interval_s
 
 #: Larger than any reading of an instrument in any unit; its square is finite.
@@ -497,34 +497,43 @@ _UNITS = ("ms", "us", "ns", "min", "h", "d")
 
 
 def require_plausible(
-    source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool
+    source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray, guessed: bool
 ) -> tuple[Note, ...]:
-    """Refuse an impossible duration, interval or charge; warn if seconds are a guess and milliseconds are likelier.
+    """Refuse an impossible duration, interval or charge; warn of seconds where milliseconds are likelier.
 
-    time: its column.  time_s: (T,) [s], increasing.  current_A: (T,) [A], nan where it is not known.
+    time: its column.  time_s: (T,) [s], increasing.  current_A, voltage_V: (T,), nan where not known.
     guessed: the unit of the time is a guess.
     """
     if time_s.size < 2:
         return ()
     interval, duration = usual_interval_s(time_s), float(time_s[-1] - time_s[0])
-    advice, what = _advice(interval), f"{source}: column {time.name!r}"
+    likely = _likely_unit(interval)
+    option = ("--unit", f"time={likely}")
+    advice, what = _advice(likely), f"{source}: column {time.name!r}"
     if duration > LONGEST_S:
-        raise InputError(f"{what} gives a log of {duration / YEAR_S:,.0f} years; {advice}")
+        raise InputError(f"{what} gives a log of {duration / YEAR_S:,.0f} years; {advice}", option)
     if guessed and not _is_interval(interval):
-        raise InputError(f"{what}, which names no unit, gives a sample every {interval:.3g} s; {advice}")
+        text = f"{what}, which names no unit, gives a sample every {interval:.3g} s; {advice}"
+        raise InputError(text, option)
     most_h = LONGEST_FLOW_GUESSED_H if guessed else LONGEST_FLOW_H
     longest_h = _flow_h(np.diff(time_s), current_A) if duration > most_h * SECONDS_PER_HOUR else 0.0
     if longest_h > most_h:
         largest = float(np.nanmax(np.abs(current_A)))
-        raise InputError(
+        text = (
             f"{what} gives a charge of {longest_h * largest:,.4g} Ah one way at {largest:.4g} A at most, "
             f"{longest_h:,.0f} h of it; {advice}"
         )
-    if not guessed or interval < DOUBTFUL_FROM_S:
+        raise InputError(text, option)
+    if interval < DOUBTFUL_FROM_S or not (guessed or time.unit is UNITS["s"]):
         return ()
-    option = ("--unit", "time=ms")
-    text = f"column {time.name!r} names no unit; as seconds it gives one sample every {interval:.3g} s: if these are "
-    return (Note(f"{text}milliseconds, say {' '.join(option)}", "warning", option),)
+    if guessed:
+        why = f"names no unit; as seconds it gives one sample every {interval:.3g} s"
+    elif impossible := charge_of_no_battery(time_s, current_A, voltage_V):
+        why = f"in s gives {impossible}"
+    else:
+        return ()
+    text = f"column {time.name!r} {why}: if these are {likely}, say {' '.join(option)}"
+    return (Note(text, "warning", option),)
 
 
 def require_voltage(table: Table, voltage: Column, current: Column) -> None:
@@ -557,13 +566,19 @@ def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guess
     if in_minutes or not SHORTEST_DRIVE_S <= interval <= SLOWEST_DRIVE_S:
         raise InputError(
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
-            f"{_advice(interval, min(_DRIVES_IN_MINUTES_S) / 2)}"
+            f"{_advice(_likely_unit(interval, min(_DRIVES_IN_MINUTES_S) / 2))}"
         )
 
 
-def _advice(interval_s: float, shortest_s: float = SHORTEST_INTERVAL_S) -> str:
-    """Advice to give the unit of a time with this interval if read as seconds, the likeliest unit first."""
-    first = "ms" if interval_s > 1.0 else "min" if interval_s >= shortest_s else "h"
+def _likely_unit(interval_s: float, shortest_s: float = SHORTEST_INTERVAL_S) -> str:
+    """The likeliest unit of a time with this interval if read as seconds: the first that gives a usual one."""
+    if interval_s <= 1.0:
+        return "min" if interval_s >= shortest_s else "h"
+    return next((unit for unit in ("ms", "us") if _is_interval(UNITS[unit].scale * interval_s)), "ns")
+
+
+def _advice(first: str) -> str:
+    """Advice to give the unit of a time, the likeliest one first."""
     others = ", ".join(unit for unit in _UNITS if unit != first)
     return f"say its unit with --unit time={first} (units={{'time': '{first}'}}), {others}, or, if it is right, time=s"
 

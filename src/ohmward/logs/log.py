@@ -20,9 +20,10 @@ from ohmward.logs.battery_columns import (
     with_derived,
     with_sign,
 )
+from ohmward.logs.channels import CURRENT
 from ohmward.logs.clean import without_impossible
 from ohmward.logs.clock import with_joined_time
-from ohmward.logs.columns import BDF_NAMES, UnclearColumnsError, find_columns, has_bdf_columns, is_bdf
+from ohmward.logs.columns import BDF_NAMES, Column, UnclearColumnsError, find_columns, has_bdf_columns, is_bdf
 from ohmward.logs.dates import window_s
 from ohmward.logs.frame import UNNAMED, is_frame, to_frame
 from ohmward.logs.hints import FileHints
@@ -30,11 +31,14 @@ from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
+from ohmward.logs.units import UNITS
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES, SECONDS_PER_HOUR
 from ohmward.signals.checks import Finding
 from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence, turned_sign
 from ohmward.signals.current_size import check_wrapped, not_in_amperes
 
+#: A current whose resistance is too large may be in the next larger unit, amperes for milliamperes.
+_LARGER = 1e3
 #: Quantities of the battery that have an array of their own; others are among `extra`.
 _COLUMNS = tuple(
     quantity.field
@@ -314,9 +318,8 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     if np.isnan(voltage_V).all():
         why = "; ".join(note.text for note in faults)
         raise InputError(f"{file.source}: no measured voltage is left ({why}); was the sensor connected?")
-    warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
-    if chosen["current"].unit is None:
-        warnings += _other_than_amperes(chosen["current"].name, current_A, voltage_V)
+    warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, voltage_V, rows.guessed_unit)
+    warnings += _other_than_amperes(chosen["current"], current_A, voltage_V)
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
     window = window_s(file.stem, start_unix_s, file.hints)
@@ -356,13 +359,22 @@ def _from_start(table: Table, time_s: np.ndarray, start_unix_s: float | None) ->
     return time_s, None if wall_clock is None else float(wall_clock[0] - time_s[0])
 
 
-def _other_than_amperes(name: str, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
-    """A warning of a column without a unit that cannot be in amperes, with the likely unit."""
-    if (other := not_in_amperes(current_A, voltage_V)) is None:
+def _other_than_amperes(column: Column, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
+    """A warning of a current that cannot be in the unit of its column, or in amperes without one; the likely unit."""
+    if (other := not_in_amperes(current_A, voltage_V, is_named=column.unit is not None)) is None:
         return ()
-    option = ("--unit", f"current={other.scale.symbol}") if other.scale else ()
-    fix = f"if these are {other.scale.name}, say {' '.join(option)}" if other.scale else "name the unit, as in power_kW"
-    return (Note(f"column {name!r} names no unit; {other.reason}: {fix}", "warning", option),)
+    unit = column.unit or CURRENT.default
+    likely = unit.scale * (other.scale.factor if other.scale else _LARGER)
+    symbol = next((u.symbol for u in UNITS.values() if u.dimension == "current" and np.isclose(u.scale, likely)), "")
+    if column.unit is None and other.scale is None:
+        symbol, fix = "", "name the unit, as in power_kW"
+    elif symbol:
+        fix = f"if these are {symbol}, say --unit current={symbol}"
+    else:
+        fix = "check the unit"
+    named = "names no unit; as amperes" if column.unit is None else f"is read in {unit.symbol};"
+    option = ("--unit", f"current={symbol}") if symbol else ()
+    return (Note(f"column {column.name!r} {named} {other.reason}: {fix}", "warning", option),)
 
 
 class UnknownSignError(InputError):

@@ -42,6 +42,12 @@ _NOISE, _MOST_OHMS = 4.0, 100
 LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 #: Cells that are logged have less than this resistance [ohm].
 _MOST_CELL_OHM = 0.5
+#: A name that gives the unit is doubted where the resistance is beyond those of cells by this factor: cells of
+#: hundreds of ampere-hours in parallel and cold small ones keep their names, a thousandth or thousandfold does not.
+_NAMED = 4.0
+#: A resistance times the charge one way, the voltage lost at 1 C, is less than this many times the voltage: 0.02 to 0.1
+#: of a cell, 0.4 where edges include relaxation, 0.7 where the charges between are not logged.
+_MOST_LOST = 2.0
 #: A resistance is too small if it is by this many standard errors; smallest peak current [A] that is questioned.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: A current whose smallest size is more than this share of the largest is never near 0.
@@ -222,13 +228,14 @@ class NoAmperes(NamedTuple):
     scale: Scale | None  #: the likely unit; None for a larger one
 
 
-def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | None:
+def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray, is_named: bool = False) -> NoAmperes | None:
     """The reason why a current is not in amperes: the resistance would be less than cells have, or more; else None.
 
     It would be more for a power in kilowatts that is read in watts.
 
-    current_A, voltage_V: (T,), nan where not known.
+    current_A, voltage_V: (T,), nan where not known.  is_named: the log gives the unit, which is seldom wrong.
     """
+    beyond = _NAMED if is_named else 1.0
     current_A, voltage_V = where_known(current_A, voltage_V)
     edges = edge_test(current_A, voltage_V)
     if edges.t_value == 0.0:
@@ -236,14 +243,30 @@ def not_in_amperes(current_A: np.ndarray, voltage_V: np.ndarray) -> NoAmperes | 
     largest_A, ohm = float(np.abs(current_A).max()), abs(edges.resistance_ohm)
     error_ohm = ohm * _CERTAIN / abs(edges.t_value)
     fewest_cells = max(float(np.median(voltage_V)) / HIGHEST_CELL_V, 1.0)
-    least_ohm = LEAST_CELL_OHM * fewest_cells
-    seen = f"as amperes it goes to {largest_A:.3g} A at dV/dI ="
+    least_ohm = LEAST_CELL_OHM / beyond * fewest_cells
+    seen = f"it goes to {largest_A:.3g} A at dV/dI ="
     if largest_A >= _DOUBTFUL_FROM_A and ohm + error_ohm <= least_ohm:
         factor = 1e-3 if 1e3 * (ohm + error_ohm) > least_ohm else 1e-6
         scale = next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor)
         is_small = np.abs(current_A).min() <= _NEVER_SMALL * largest_A
         counts = "" if is_small else ", and is never near 0 (raw counts of a converter? convert them)"
         return NoAmperes(f"{seen} {1e3 * ohm:.2g} mohm, less than cells have{counts}", scale)
-    if edges.sign and ohm - error_ohm >= _MOST_CELL_OHM * fewest_cells:
+    if edges.sign and ohm - error_ohm >= _MOST_CELL_OHM * beyond * fewest_cells:
         return NoAmperes(f"{seen} {ohm:.2g} ohm, more than cells have", None)
     return None
+
+
+def charge_of_no_battery(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> str:
+    """What no battery has at once, the charge that went one way and the resistance; "" for a possible pair.
+
+    time_s: (T,) [s]; current_A, voltage_V: (T,), nan where not known.
+    """
+    time_s, current_A, voltage_V = where_known(time_s, current_A, voltage_V)
+    edges = edge_test(current_A, voltage_V)
+    if not edges.sign:
+        return ""
+    flowed_Ah = np.ptp(np.cumsum(current_A[1:] * np.diff(time_s))) / SECONDS_PER_HOUR
+    ohm = abs(edges.resistance_ohm)
+    if flowed_Ah * ohm <= _MOST_LOST * np.median(voltage_V):
+        return ""
+    return f"a charge of {flowed_Ah:,.4g} Ah one way at dV/dI = {1e3 * ohm:.3g} mohm, which no battery has at once"
