@@ -56,6 +56,16 @@ def test_gzip(tmp_path):
     np.testing.assert_array_equal(load(path).columns["voltage_V"], [12.25, 12.5, 12.0])
 
 
+def test_a_gzip_file_in_another_is_unpacked_and_a_third_refused(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    packed = gzip.compress(gzip.compress(PLAIN.encode()))
+    path.write_bytes(packed)
+    np.testing.assert_array_equal(read_log(path, current_sign="charge").time_s, [0.0, 1.0, 2.0])
+    path.write_bytes(gzip.compress(packed))
+    with pytest.raises(InputError, match="packed with gzip more than twice"):
+        read_log(path)
+
+
 def test_the_error_of_a_package_in_place_of_zlib_is_a_damaged_gzip_file(tmp_path, monkeypatch):
     """isal, which a package for cyclers puts in the place of zlib, has an error of its own."""
 

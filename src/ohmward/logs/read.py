@@ -227,8 +227,11 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
 
 
-def _open_file(path: Path, hints: FileHints) -> TableFile:
-    """Open one file, whose format is recognised by its first bytes, and unpack it if need be."""
+def _open_file(path: Path, hints: FileHints, is_unpacked: bool = False) -> TableFile:
+    """Open one file, whose format is recognised by its first bytes, and unpack it if need be.
+
+    is_unpacked: the file was in a gzip file, as of a logger that packs what a server packs again.
+    """
     if path.suffix.lower() == ".toml":
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
@@ -237,13 +240,22 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
     if is_packed:
         with readable(path), LimitedGzip(path, "rb") as unpacked:
             head = unpacked.read1(HEAD_BYTES)
+        if head.startswith(GZIP_MAGIC):
+            if is_unpacked:
+                raise InputError(f"{path.name}: packed with gzip more than twice; unpack it with gunzip first")
+            return _open_file(_unpacked(path), hints, is_unpacked=True)
     if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
         raise InputError(f"{path.name}: {about}")
     opener = opener_of(head)
     if is_packed and (opener is not open_csv or head.startswith(MAGICS)):  # text tables are unpacked as they are read
-        with readable(path), LimitedGzip(path, "rb") as unpacked:
-            return open_table(_stored(unpacked.read1, path.name.removesuffix(".gz")), hints)
+        return open_table(_unpacked(path), hints)
     return as_wide(opener(path, hints))
+
+
+def _unpacked(path: Path) -> Path:
+    """A temporary copy of what a gzip file holds."""
+    with readable(path), LimitedGzip(path, "rb") as unpacked:
+        return _stored(unpacked.read1, path.name.removesuffix(".gz"))
 
 
 def opener_of(head: bytes) -> Opener:
