@@ -124,6 +124,7 @@ _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
         words_of("current", "i", "cur", "curr", "ipack", "amp", "amps", "ampere", "amperes", "amperage",
+                 "shunt current",
                  "ibat", "ibus", "ibatt", "im", "iinst", "itot", "imess", "strom", "courant", "intensité", "corriente",
                  "intensidad", "corrente", "intensità", "intensidade", "prąd", "proud", "stroom", "strøm", "virta",
                  "áram", "akım", "ρεύμα", "ток", "电流", "電流", "전류"),

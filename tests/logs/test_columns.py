@@ -327,3 +327,18 @@ def test_a_choice_of_last_resort_stands_back(better, worse):
 @pytest.mark.parametrize("name", ["Test Time(h:min:s)", "Total Time (Hours in hh:mm:ss.xxx)"])
 def test_how_a_time_is_written_is_no_part_of_its_name(name):
     assert found(["Record", name, "I(A)", "U(V)"])["time"] == (name, None)
+
+
+def test_names_of_a_shunt_and_of_averages_are_those_of_the_battery():
+    names = ["time", "Pack voltage Ave. (V)", "Shunt current Ave. (mA)"]
+    chosen = find_columns("log", names)
+    assert [chosen[q].name for q in ("time", "voltage", "current")] == names
+
+
+def test_of_two_times_one_is_proposed_not_a_number_of_the_row():
+    names = ["Index", "Time", "Relative Time", "current_A", "voltage_V"]
+    head = {"Index": ["1", "2", "3"], "Time": ["9:00:01", "9:00:02", "9:00:03"], "Relative Time": ["0", "1", "2"]}
+    with pytest.raises(InputError, match="both 'Time' and 'Relative Time' may be the time") as refused:
+        find_columns("log", names, head=head)
+    assert refused.value.options == ("--column", "time=Relative Time")
+    assert find_columns("log", ["Date", *names])["time"].name == "Relative Time"

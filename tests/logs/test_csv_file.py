@@ -66,6 +66,28 @@ def test_a_gzip_file_in_another_is_unpacked_and_a_third_refused(tmp_path):
         read_log(path)
 
 
+def test_groups_above_equal_names_tell_them_apart(write_text):
+    text = ",Battery,,Motor,\nElapsed,Voltage,Current,Voltage,Current\ns,V,A,V,A\n0,12,1,5,2\n1,12.1,2,5,3\n"
+    log = read_log(write_text(text), current_sign="charge")
+    np.testing.assert_array_equal(log.voltage_V, [12.0, 12.1])
+    np.testing.assert_array_equal(log.current_A, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("names", ["Reading,Unit,Value,Unit", "Measured Value,Measured Unit,Source Value,Source Unit"])
+def test_units_in_a_column_behind_the_values_are_theirs(write_text, names):
+    """A buffer of Keithley; the time to the fraction of a second is another column than that of the day."""
+    rows = [f"{3.9 + 0.1 * k},Volt DC,{k},Amp DC,05/14/2026,09:00:0{k // 2},{k / 2}" for k in range(6)]
+    log = read_log(write_text("\n".join([f"{names},Date,Time,Relative Time", *rows])), current_sign="charge")
+    np.testing.assert_allclose(log.voltage_V, 3.9 + 0.1 * np.arange(6))
+    np.testing.assert_array_equal(log.current_A, np.arange(6.0))
+    np.testing.assert_array_equal(log.time_s, np.arange(6) / 2)
+
+
+def test_a_name_that_begins_like_a_duration_is_a_name(write_text):
+    table = load(write_text("Time(s),P1 V,P1 A\n0,12,1\n1,12.1,2\n"))
+    assert list(table.columns) == ["Time(s)", "P1 V", "P1 A"]
+
+
 def test_the_error_of_a_package_in_place_of_zlib_is_a_damaged_gzip_file(tmp_path, monkeypatch):
     """isal, which a package for cyclers puts in the place of zlib, has an error of its own."""
 

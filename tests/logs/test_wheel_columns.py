@@ -54,6 +54,7 @@ def test_every_wheel_has_its_column(names):
         ("odo_left_mm", "odo_right_mm"),
         ("Weg links [cm]", "Weg rechts [cm]"),
         ("Drehzahl_links", "Drehzahl_rechts"),
+        ("Drehzahl links [U/min]", "Drehzahl rechts [U/min]"),
         ("vitesse_gauche", "vitesse_droite"),
         ("Raddrehzahl_links", "Raddrehzahl_rechts"),
         ("左車輪速度[rad/s]", "右車輪速度[rad/s]"),

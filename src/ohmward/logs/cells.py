@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,8 @@ _MEASURED = re.compile(
 _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
 _DATE_MARKS = r"\d{1,4}\s*[-/.年년]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月월]\s*\d{1,4}|\d{4}-\d{3}"
 _TIME = re.compile(
-    rf"{_TIME_OF_DAY}|{_DATE_MARKS}|\b(?:{MONTHS})[a-z]*\b.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE
+    rf"{_TIME_OF_DAY}|{_DATE_MARKS}|\b(?:{MONTHS})[a-z]*\b.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d+[YMWD]|T)",
+    re.IGNORECASE,
 )
 _DATE = re.compile(_DATE_MARKS)
 #: Delimiters of cells that occur in no date and no number.
@@ -198,6 +200,23 @@ def with_units_of_cells(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
         numbers = parse_cells(values.tolist(), Marks(), unit) if unit else values
         found[name if numbers.dtype == object else with_unit_of_cells(name, unit)] = numbers
     return found
+
+
+def units_beside(columns: Mapping[str, Sequence[str]]) -> dict[str, Unit]:
+    """Units of columns behind which a column of their units stands: `Reading` and `Unit`, `Source`, `Source Unit`.
+
+    columns: name -> cells, in the order of the file; those of a unit are all alike.
+    """
+    found = {}
+    for (name, _), (other, cells) in pairwise(columns.items()):
+        spelled = {_OF_DIRECT_CURRENT.sub("", cell.strip()) for cell in cells} if _OF_UNITS.search(other) else set()
+        if len(spelled) == 1 and (unit := unit_of(spelled.pop())):
+            found[name] = unit
+    return found
+
+
+#: Name of a column of units, perhaps numbered; `DC` behind a unit, as Keithley writes it.
+_OF_UNITS, _OF_DIRECT_CURRENT = re.compile(r"\bunits?(?: \d+)?$", re.IGNORECASE), re.compile(r"\s+dc$", re.IGNORECASE)
 
 
 def with_unit_of_cells(name: str, unit: Unit | None) -> str:
@@ -378,7 +397,8 @@ def _with_groups(names: list[str], above: Row | None) -> tuple[list[str], str | 
         return names, None
     zone = _ZONE.match(names[0]) if above[0].strip() == "timestamp" else None
     names = ["", *names[1:]] if zone else names
-    if not any(group.strip() for name, group in zip(names, above, strict=False) if not name):
+    over_names = [group.strip() for name, group in zip(names, above, strict=False) if not name or names.count(name) > 1]
+    if not any(over_names):
         return names, None
     groups = [""]
     for group in above:

@@ -104,9 +104,9 @@ _OF_BATTERY = word_set(
     "电池组总 总 充放电 测试 采集 记录 累计 绝对 経過 测量 電池 バッテリー 総 측정 배터리"
 )
 # Words of columns that are used only if there is nothing better.
-_SECOND_CHOICE = word_set("cell raw mean avg average filtered last")
+_SECOND_CHOICE = word_set("cell raw mean avg ave average filtered last")
 # And of columns that are used only if there is none of those either.
-_THIRD_CHOICE = word_set("now latest bus in input line received recorded enqueued published sent")
+_THIRD_CHOICE = word_set("now latest bus in input line received recorded enqueued published sent reading value source")
 _BESIDE_BATTERY = (
     frozenset[str](),
     _OF_BATTERY,

@@ -38,7 +38,7 @@ _OTHER_DEVICES = word_set(
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = word_set("stamp date unix epoch dpt realtime datum fecha changed stempel horodatage 绝对 日期 日時")
 # Words of the time since the start of a test; next to such a column `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute gesamt 总 测试 累计 绝对")
+_WHOLE_TIME = word_set("total test elapsed seconds prog program run cumulative absolute gesamt 总 测试 累计 绝对")
 #: A word longer than this that is at least this similar to a known one may be a misspelling.
 _SHORTEST_MISSPELLED, _SIMILAR = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -203,7 +203,9 @@ def _with_suggestions(
     choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
     choice = {q: name if list(choice.values()).count(name) == 1 else None for q, name in choice.items()}
     if TIME.name in choice:
-        times = [name for name in free if _are_times(head.get(name, ()))]  # a mere number of the row counts up as well
+        tied = [name for error in unclear for name in error.ties.get(TIME.name, ())]
+        # a mere number of the row counts up as well
+        times = [name for name in tied or free if _are_times(head.get(name, ()))]
         stated = [name for name in times if unit_in_name(name, TIME.dimensions) or has_date(head[name][0])]
         choice[TIME.name] = next(iter([*stated, *times]), choice[TIME.name])
     return UnclearColumnsError(source, names, faults, choice)
@@ -348,6 +350,8 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
         fits = [column for column in fits if column.name not in fractions]
         fits = [column for column in fits if not _CLOCK_OR_ID & set(letters(column.name))] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
+        if "date" in map(str.lower, names):  # beside it `Time` is a time of day, not to the fraction of a second
+            fits = [column for column in fits if column.name.lower() != "time"] or fits
     if channel in (CURRENT, VOLTAGE) and not has_input_voltage(names):
         fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)

@@ -23,12 +23,14 @@ from ohmward.logs.cells import (
     find_marks,
     is_value,
     unit_in_cells,
+    units_beside,
     with_unit_of_cells,
 )
 from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.columns import unique_names
 from ohmward.logs.dates import has_date
 from ohmward.logs.hints import FileHints
+from ohmward.logs.long_table import long_columns
 from ohmward.logs.units import Unit
 
 #: Byte-order marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
@@ -438,7 +440,8 @@ def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]])
             "without marks between thousands"
         )
     units = {name: unit for name, cells in zip(layout.names, columns, strict=True) if (unit := unit_in_cells(cells))}
-    named = {name: with_unit_of_cells(name, units.get(name)) for name in layout.names}
+    beside = {} if long_columns(layout.names) else units_beside(dict(zip(layout.names, columns, strict=True)))
+    named = {name: with_unit_of_cells(name, units.get(name) or beside.get(name)) for name in layout.names}
     return layout._replace(
         names=tuple(named[name] for name in layout.names),
         marks=marks,

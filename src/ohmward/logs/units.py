@@ -25,6 +25,7 @@ class Unit(NamedTuple):
         return scaled if self.offset == 0.0 else scaled + self.offset
 
 
+_RPM = ("rpm", "rev/min", "u/min", "1/min", "tr/min", "giri/min", "obr/min", "об/мин")
 # Spelled in lower case. A slash stands for an underscore as well: `speed_m_s`.
 _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes", "adc", "а"),
@@ -59,7 +60,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "radpersec", "rads"),
     Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "degpersec", "°/s"),
     Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
-    Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min", "tr/min", "giri/min", "obr/min", "об/мин"),
+    Unit("rpm", "rotation", math.pi / 30): _RPM,
     Unit("turns/s", "rotation", 2 * math.pi): ("turns/s", "turn/s", "rev/s", "rps", "rotationspersec"),
     Unit("counts/s", "turn rate", 1.0): ("counts/s", "ticks/s", "pulses/s", "tps", "cps", "pps", "qpps"),
     Unit("erpm", "turn rate", 1 / 60): ("erpm",),  # pole pairs of the motor pass in a minute
