@@ -69,6 +69,7 @@ def test_a_log_and_a_drive_keep_the_zone_of_their_dates(tmp_path):
         (FileHints(timezone="Mars/Base"), r"--timezone .* got 'Mars/Base'"),
         (FileHints(timezone="../../etc"), "--timezone"),
         (FileHints(sample_time_s=0.0), "--sample-time .* > 0 s"),
+        (FileHints(sample_time_s=1e9), "--sample-time .* at most a day, 86400 s; got 1e"),
         (FileHints(start="noon"), "--from must be seconds of the log"),
         (FileHints(start="20", stop="10"), "--from 20 must be before --to 10"),
         (FileHints(start="9999"), "has no sample in"),

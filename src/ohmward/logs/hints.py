@@ -8,6 +8,7 @@ from typing import NamedTuple
 from zoneinfo import ZoneInfo
 
 from ohmward.errors import InputError
+from ohmward.quantities import DAY_S
 
 #: Value of `time_format` for days since 1899-12-30.
 EXCEL = "excel"
@@ -32,7 +33,7 @@ class FileHints(NamedTuple):
     dbc: str | None = None  #: path of the CAN database, for a recording of CAN frames
 
     def checked(self) -> FileHints:
-        """The same hints; InputError for an unknown encoding or time zone, or an interval that is not > 0."""
+        """The same hints; InputError for an unknown encoding or time zone, or an interval out of its range."""
         if self.encoding is not None:
             try:
                 codecs.lookup(self.encoding)
@@ -43,8 +44,9 @@ class FileHints(NamedTuple):
                 ) from None
         if self.timezone is not None:
             zone_of(self.timezone)
-        if self.sample_time_s is not None and not self.sample_time_s > 0:
-            raise InputError(f"--sample-time (sample_time_s) must be > 0 s, got {self.sample_time_s:g}")
+        if self.sample_time_s is not None and not 0 < self.sample_time_s <= DAY_S:
+            rule = f"must be > 0 s and at most a day, {DAY_S:g} s"
+            raise InputError(f"--sample-time (sample_time_s) {rule}; got {self.sample_time_s:g}")
         return self
 
 
