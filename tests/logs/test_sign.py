@@ -258,6 +258,14 @@ def test_each_part_of_a_log_whose_sign_turns_has_its_own(turned, hints):
     assert log.current_A == pytest.approx(right_A[log.time_s.astype(int)])
 
 
+def test_four_clear_edges_before_a_turn_are_enough():
+    right_A = np.repeat(np.resize([-4.0, 0.0, -1.0, 2.0], 30), 30)
+    current_A = np.where(np.arange(right_A.size) < 160, -right_A, right_A)
+    found = turned_sign(np.arange(right_A.size), current_A, 12.0 + 0.05 * right_A)
+    assert found is not None
+    assert "up to 150 s (4 edges)" in found.text
+
+
 @pytest.mark.parametrize("share", [0.0, 0.02])
 def test_a_sign_that_hardly_ever_turns_is_one(share):
     current_A = np.repeat(np.resize([-4.0, 0.0, -1.0, 2.0], 100), 30)

@@ -28,6 +28,8 @@ _MANY = 8
 CLEAR_AGREEMENT = 0.8
 #: Edges that agree by this much have one sign throughout: a fiftieth of them turned would leave less.
 _ONE_SIGN = 0.96
+#: Fewest edges on each side of the moment at which a sign turns: fewer might be those of a late voltage.
+_FEWEST_OF_PART = 4
 # Smallest edge, as a fraction of the largest change and of the largest current, and above rounding.
 _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
@@ -164,7 +166,7 @@ def turned_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
         return None
     stop, start = edge[last] + 1, edge[last + 1] + 1
     parts = [edge_test(current_A[part], voltage_V[part]) for part in (slice(stop + 1), slice(start, None))]
-    if min(part.edges for part in parts) < _MANY or parts[0].sign * parts[1].sign != -1:
+    if min(part.edges for part in parts) < _FEWEST_OF_PART or parts[0].sign * parts[1].sign != -1:
         return None
     ways = ["charges" if part.sign > 0 else "discharges" for part in parts]
     return Finding(
