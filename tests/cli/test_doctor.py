@@ -273,6 +273,15 @@ def test_a_drive_of_unknown_columns_says_which_to_name(here, refused):
     assert "--column left_wheel_speed=wheel_left --column right_wheel_speed=wheel_right" in refused("doctor", "x.csv")
 
 
+def test_speeds_in_rpm_that_name_no_wheel_are_asked_about_as_a_drive(here, as_json, refused):
+    rows = "".join(f"{k / 10},{k % 7},{k % 5}\n" for k in range(200))
+    Path("x.csv").write_text(f"time_s,n_left (rpm),n_right (rpm)\n{rows}", encoding="utf-8")
+    assert "--column 'left_wheel_speed=n_left (rpm)'" in refused("doctor", "x.csv")
+    named = ["--column", "left_wheel_speed=n_left (rpm)", "--column", "right_wheel_speed=n_right (rpm)"]
+    (drive,) = as_json("doctor", "x.csv", *named)["drives"]
+    assert list(drive["survey"]["wheels"]) == ["left", "right"]
+
+
 def test_speeds_at_the_rim_need_no_radius(here, as_json):
     Path("x.csv").write_text("time_s,left_m_s,right_m_s\n0,1,1\n0.1,2,2\n0.2,3,3\n", encoding="utf-8")
     (drive,) = as_json("doctor", "x.csv")["drives"]

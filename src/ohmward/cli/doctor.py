@@ -20,7 +20,7 @@ from ohmward.battery.identification.record import make_records
 from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
 from ohmward.battery.soc import band_forecast
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log, reading_words
-from ohmward.cli.drive_inputs import DriveOptions, drive_options
+from ohmward.cli.drive_inputs import TWO_WHEELS, DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.wording import assumptions, bullets, fields, paragraphs, sentence, table, with_assumptions
 from ohmward.errors import InputError
@@ -38,12 +38,12 @@ from ohmward.logs.log import ReadOptions, UnknownSignError
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import SeveralRecordingsError, split_selection
 from ohmward.logs.table import Note, TableFile, counted
-from ohmward.logs.wheel_columns import wheel_places
+from ohmward.logs.units import unit_in_name
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.quantities import QUANTITIES
 from ohmward.report import Page
 from ohmward.runs import duration
-from ohmward.traction import Robot, load_robot
+from ohmward.traction import load_robot
 from ohmward.traction.drive_checks import check_drive
 from ohmward.traction.robot.packaged import PACKAGED
 from ohmward.traction.robot.robot import ROBOT_FILE
@@ -192,13 +192,14 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
     options = given.drives
     reading = options.reading
     file = open_table(split_selection(path)[0], reading.hints)
-    places = _places(file, options.robot)
+    places = _places(file, options)
     log, drive, refused = None, None, None
     try:
         log = _read(path, of_kinds(reading, of_battery=True), file)
     except InputError as error:
         # a robot was given for a drive, also for one whose wheels are not recognised
         places = places or (tuple(place.name for place in options.robot.places) if options.robot else ())
+        places = places or (TWO_WHEELS if _is_of_drive(file) else ())
         if not places or _is_of_battery(file, dict(reading.columns)):
             raise
         refused = error
@@ -206,7 +207,7 @@ def examine_log(path: str, given: GivenFiles) -> Iterator[Part]:
     if log is not None:
         cells = _cells(log)
         file = file._replace(names=tuple(name for name in file.names if name not in cells))
-        places = _places(file, options.robot)
+        places = _places(file, options)
     if places:
         try:
             drive = options._replace(reading=of_kinds(reading, of_battery=False)).read(path, file=file)
@@ -287,15 +288,15 @@ def _cells(log: Log) -> set[str]:
     }
 
 
-def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
+def _places(file: TableFile, options: DriveOptions) -> tuple[str, ...]:
     """Names of the robot's wheels, or without a robot of those in the columns; () for a log without a drive."""
     try:
         names = file.part("drive").names
     except InputError:  # a recording without a topic of a drive
         return ()
-    if not (found := wheel_places(names)):
+    if not (found := options.places_in(names)):
         return ()
-    return tuple(place.name for place in robot.places) if robot else found
+    return tuple(place.name for place in options.robot.places) if options.robot else found
 
 
 def _without_radius(drive: DriveLog) -> Iterator[Note]:
@@ -314,6 +315,13 @@ def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
         others = [note for note in log.notes if not note.text.startswith("positive current")]
         taken = Note(f"{error}; here a positive current is taken to {error.likely} the battery", "warning")
         return replace(log, notes=(*others, taken))
+
+
+def _is_of_drive(file: TableFile) -> bool:
+    """True for a file with the unit of a speed, and none of a battery's."""
+    return not any(unit_in_name(name, ("current", "voltage", "power")) for name in file.names) and any(
+        unit_in_name(name, ("rotation", "turn rate", "speed")) for name in file.names
+    )
 
 
 def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:

@@ -14,6 +14,7 @@ from ohmward.cli.options import TRUTHS
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
 from ohmward.logs.bags.bag_table import OUTSIDE_YAW_RATE
+from ohmward.logs.channels import WHEEL_SPEED
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import selected_name, split_selection
@@ -25,6 +26,9 @@ from ohmward.traction.calibration import CalibrationDrive, motion_from_pose, mot
 from ohmward.traction.calibration.stretches import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.score import DriveTruth
+
+#: Wheels whose columns are asked for where none is recognised.
+TWO_WHEELS = ("left", "right")
 
 
 class DriveReference(NamedTuple):
@@ -49,6 +53,12 @@ class DriveOptions(NamedTuple):
         count = [] if self.counts_per_turn is None else ["--counts-per-turn", f"{self.counts_per_turn:g}"]
         return [*(["--motor-shaft"] if self.motor_shaft else []), *count]
 
+    def places_in(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Names of the wheels without a robot: those that --column names, else those in the names of columns."""
+        ending = f"_{WHEEL_SPEED.name}"
+        named = tuple(kind.removesuffix(ending) for kind, _ in self.reading.columns if kind.endswith(ending))
+        return named or wheel_places(names)
+
     def read(
         self,
         text: str,
@@ -68,7 +78,7 @@ class DriveOptions(NamedTuple):
         """
         path, where = split_selection(text)
         file = file or open_table(path, self.reading.hints)
-        places = () if self.robot else wheel_places(file.part("drive").names)
+        places = () if self.robot else self.places_in(file.part("drive").names) or TWO_WHEELS
         log = read_drive(
             file,
             self.robot or places,
