@@ -20,6 +20,7 @@ from ohmward.onboard.process import END_S, Process
 from ohmward.onboard.robot_state import Diagnostic, Level, plain_state
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
+from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.rows import columns_of
 from ohmward.traction.robot.packaged import load_robot
@@ -133,6 +134,20 @@ def test_the_last_state_is_as_of_now_however_old_what_waited_is(battery):
     )
     assert {"battery", "drive"} <= set(sink.states[-1].silent)
     assert sink.states[-1].slip is None
+
+
+def test_an_estimate_from_before_a_silence_is_not_shown_as_new_when_its_sensors_report_again(battery):
+    """After so long a silence the first message of the drive waits for the next: a clock may have been set."""
+    process = Process(Estimation(battery, load_robot("rlma")), [SimulationSource(name="script")], [])
+    silent, back = np.arange(5.0, 70.0), np.arange(70.0, 72.0, 0.1)
+    speed_std_m_s = {}
+    for k, time_s in enumerate([*np.arange(0.0, 5.0, 0.1), *silent, *back]):
+        values = moving(PACK, k) | ({} if time_s in silent else moving(WHEELS, k))
+        process.put(Message(time_s, time_s, "script", values))
+        slip = process.state.slip
+        speed_std_m_s[time_s] = slip.speed_std_m_s if slip else math.inf
+    assert speed_std_m_s[silent[-1]] == speed_std_m_s[back[0]] == math.inf
+    assert speed_std_m_s[back[-1]] < 0.1
 
 
 def test_a_source_that_fails_is_named_and_begins_again(battery):

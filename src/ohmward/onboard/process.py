@@ -22,7 +22,7 @@ from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
 from ohmward.onboard.clock import DATED_S, LEAP_S, Arrival, Arrivals, SystemClock
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.evidence import AgeingModel
+from ohmward.onboard.evidence import Age, AgeingModel
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.part import LOG, EndedError, FaultyInput, Sink, Source, feed_interval_s, is_live, keep_running
@@ -176,6 +176,8 @@ class Process:
         """Reset all times, at the start and when a simulation or a bag restarts."""
         self._arrivals = Arrivals(self._own)
         self._dates: dict[float, float] = {}  # of recent messages, as their sources gave them, by time
+        #: evidence -> time of the last state for which it was overdue, and whether its sensors were silent
+        self._overdue: dict[str, tuple[float, bool]] = {}
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s, self._newest_s = math.nan, -math.inf
         promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
@@ -346,7 +348,7 @@ class Process:
         if math.isfinite(self._calendar_s):
             unix_s = state.time_s + self._calendar_s
         self._reported = self._reported or tuple(self.diagnostics.values())
-        aged = self._ageing.aged(state, self.watch.ages(state.time_s), self.estimation.last_current_A)
+        aged = self._ageing.aged(state, self._ages(state), self.estimation.last_current_A)
         self.state = aged._replace(
             unix_s=unix_s,
             battery_unix_s=self._dates.get(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
@@ -357,6 +359,16 @@ class Process:
         self.state = self.state._replace(alarms=self._alarms.take(self.state))
         for _, feed in self.sinks:
             feed.put(self.state)
+
+    def _ages(self, state: RobotState) -> dict[str, Age]:
+        """Overdue evidence of a state; an estimate from before a silence stays it once its sensors report again."""
+        ages = self.watch.ages(state.time_s)
+        self._overdue |= {name: (state.time_s, age.silent) for name, age in ages.items()}
+        for name, (overdue_s, silent) in self._overdue.items():
+            estimated_s = getattr(state, f"{name}_time_s")
+            if name not in ages and estimated_s <= overdue_s:
+                ages[name] = Age(state.time_s - estimated_s, silent)
+        return ages
 
 
 def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
