@@ -524,3 +524,12 @@ def test_a_car_that_never_rests_learns_the_offset_of_a_gyro_that_warms_up():
     apart_rad = e.yaw_rad - np.cumsum(turn) * DT_S
     assert np.all(np.abs(apart_rad) < 3.0 * np.sqrt(e.pose_cov[:, 2, 2]))
     assert e.gyro_offset_rad_s[-1] == pytest.approx(offset[-1], abs=0.004)
+
+
+@pytest.mark.parametrize(("usual_s", "opens"), [(DT_S, True), (5.0, False)], ids=["a gap", "slow sensors"])
+def test_the_way_of_a_robot_that_stands_at_both_ends_of_a_gap_is_unknown(usual_s, opens):
+    """In ten seconds it may have sped up and braked again, unless its sensors are always so slow."""
+    dt_s = np.array([*[usual_s] * 100, 10.0])
+    found = run(FILTER, samples(FILTER, dt_s=dt_s, wheel_speed_rad_s=np.zeros((101, 2)), yaw_rate_rad_s=np.zeros(101)))
+    assert found.position_std_m[-2] < 0.1
+    assert (found.position_std_m[-1] > 5.0) == opens

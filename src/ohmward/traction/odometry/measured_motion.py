@@ -562,15 +562,16 @@ def unobserved(
     """Time (3,) [s] since each motion was last observed, at most since the start.
 
     Wheels that have stood for `dragged_s` while the gyro turned show no motion of the body. An outside speed shows that
-    of its time, and with it the sideways one of a robot that cannot roll sideways. A gyro with missed samples gives the
-    yaw rate at both ends of the gap: half of the gap counts as unobserved.
+    of its time, and with it the sideways one of a robot that cannot roll sideways. A sensor with missed samples gives
+    the motion at both ends of the gap: half of the gap counts as unobserved.
     """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
-    since_s = where(sources.speed_known, dragged_s, age_s - where(seen, 0.0, NEVER_S))
-    missed = clean.gap & (clean.dt_s > (LOST + 1) * intervals.usual_s[GYRO])
-    forward_s = where(sources.by_outside, intervals.age_s[OUTSIDE], since_s)
+    missed = [clean.gap & (usual_s > 0.0) & (clean.dt_s > (LOST + 1) * usual_s) for usual_s in intervals.usual_s]
+    between_s = [where(gap, 0.5 * clean.dt_s, 0.0) for gap in missed]
+    since_s = where(sources.speed_known, dragged_s, age_s - where(seen, 0.0, NEVER_S)) + between_s[WHEELS]
+    forward_s = where(sources.by_outside, intervals.age_s[OUTSIDE] + between_s[OUTSIDE], since_s)
     side_s = since_s if rim_matrix(robot)[1].any() else forward_s
-    return np.array([forward_s, side_s, where(sources.gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
+    return np.array([forward_s, side_s, where(sources.gyro, between_s[GYRO], since_s)])
 
 
 def hypot(a: Scalar, b: Scalar) -> Scalar:
