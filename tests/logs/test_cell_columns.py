@@ -78,3 +78,29 @@ def test_the_pack_voltage_is_the_sum_where_a_log_has_cells_alone(tmp_path):
     assert any("the sum of 'Cell 1' to 'Cell 4'" in note.text for note in log.notes)
     found, _ = find_cells(log.extra, log.voltage_V, 4)
     assert found and found.voltage_V == pytest.approx(CELLS_V, abs=1e-4)
+
+
+def test_a_cell_that_is_stuck_is_left_out_from_there_on_and_named():
+    names = [f"cell_{k}" for k in range(1, 5)]
+    stuck_from = columns(names) | {"cell_2": np.where(np.arange(50) < 10, CELLS_V[:, 1], CELLS_V[9, 1])}
+    found, (_, warning) = find_cells(stuck_from, PACK_V, 4)
+    assert found is not None
+    assert np.isnan(found.voltage_V[10:, 1]).all()
+    assert found.voltage_V[:10] == pytest.approx(CELLS_V[:10])
+    assert found.voltage_V[:, [0, 2, 3]] == pytest.approx(CELLS_V[:, [0, 2, 3]])
+    assert warning.level == "warning" and "'cell_2' is stuck" in warning.text and "in 40 rows" in warning.text
+
+
+@pytest.mark.parametrize(
+    ("step_V", "scan_rows"), [(0.02, 1), (1e-4, 4)], ids=["coarse steps", "one cell after the other"]
+)
+def test_cells_that_repeat_their_values_are_not_stuck(step_V, scan_rows):
+    """A drive whose current moves all cells by 40 mV, beside stretches of rest."""
+    rows, rng = np.arange(4000), np.random.default_rng(3)
+    load_V = np.where(rows // 500 % 2, 0.02 * np.sin(rows / 9.0), 0.0)
+    read = [(rows - k) // scan_rows * scan_rows + k if scan_rows > 1 else rows for k in range(4)]
+    true_V = 3.3 + load_V[:, None] + 0.001 * rng.standard_normal((rows.size, 4))
+    cells_V = np.stack([true_V[np.clip(at, 0, None), k] for k, at in enumerate(read)], axis=1)
+    cells_V = np.round(cells_V / step_V) * step_V
+    _, notes = find_cells({f"cell_{k}": cells_V[:, k] for k in range(4)}, cells_V.sum(axis=1), 4)
+    assert [note.level for note in notes] == ["info"]

@@ -16,15 +16,22 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import CURRENT, IN, OUT, VOLTAGE, Channel, letters, word_set
 from ohmward.logs.columns import Column, find_column, find_columns, has_input_voltage
-from ohmward.logs.table import Note, Progress, Table, TableFile, numbers
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 from ohmward.quantities import words_of
-from ohmward.runs import where_known
+from ohmward.runs import repeats, runs, where_known
+from ohmward.signals.checks import stuck
 from ohmward.signals.current_sign import edge_test
+from ohmward.signals.survey import resolution
 
 #: Largest relative difference between the sum of the cells and the voltage of the pack: they are measured by different
 #: converters, and the wires between them drop a few millivolts a cell.
 SUM_TOLERANCE = 0.01
+#: A cell is stuck where its value stays the same over so many changes of the typical cell, and over so many scans of a
+#: monitor that reads one cell after the other, ...
+_STUCK_CHANGES, _STUCK_SCANS = 20, 3
+#: ... if these take the typical cell farther than so many of its own steps.
+_STUCK_STEPS = 10.0
 #: Cells without a unit in their names are in mV where they show more than this: no cell has 100 V.
 _LARGEST_CELL_V = 100.0
 _CELL = word_set("zelle zell cellule celda cella célula ячейка ячейки 单体 电芯 セル 셀")
@@ -67,7 +74,8 @@ def find_cells(
         error = error[np.isfinite(error)]
         if error.size and np.median(error) <= SUM_TOLERANCE:
             note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
-            return CellVoltages(row, cells_V), (note,)
+            cells_V, stuck_notes = _without_stuck_cells(row, cells_V)
+            return CellVoltages(row, cells_V), (note, *stuck_notes)
         if is_named(row) and error.size:
             text = (
                 f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(cells_V.sum(axis=1)):.4g} V, the "
@@ -75,6 +83,31 @@ def find_cells(
             )
             notes.append(Note(text, "warning"))
     return None, tuple(notes)
+
+
+def _without_stuck_cells(names: Sequence[str], cells_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The voltages (T, n) with nan where one repeats its value while the typical cell, which has its current, moves."""
+    typical_V = np.full(len(cells_V), np.nan)
+    known = np.isfinite(cells_V).any(axis=1)
+    typical_V[known] = np.nanmedian(cells_V[known], axis=1)
+    changes = np.cumsum(np.abs(np.diff(typical_V, prepend=np.nan)) > 0.0)
+    left, notes = cells_V.copy(), []
+    for k, name in enumerate(names):
+        values_V = cells_V[:, k]
+        step_V = resolution(values_V[np.isfinite(values_V)])
+        stretches = [
+            slice(first, stop)
+            for first, stop in runs(repeats(values_V))
+            if changes[stop - 1] - changes[first] >= max(_STUCK_CHANGES, _STUCK_SCANS * len(names))
+            and np.ptp(typical_V[first:stop][known[first:stop]]) > _STUCK_STEPS * step_V
+        ]
+        for stretch in stretches:
+            left[stretch, k] = np.nan
+        if stretches:
+            rows = counted(int(np.isnan(left[:, k]).sum() - np.isnan(values_V).sum()), "row")
+            found = stuck(f"{name!r} is ", f" in {rows}", "the rest of the pack")
+            notes.append(Note(f"{found}; its values there are left out", "warning"))
+    return left, tuple(notes)
 
 
 def cell_names(names: Collection[str]) -> tuple[str, ...]:
