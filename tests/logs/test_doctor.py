@@ -59,6 +59,12 @@ def test_noise_is_found_under_drift_and_steps(drift):
     assert noise_std(values) == pytest.approx(0.02, rel=0.04)
 
 
+def test_noise_is_that_of_the_known_values():
+    rng = np.random.default_rng(1)
+    values = np.where(rng.random(20_000) < 0.9, np.nan, rng.normal(0, 0.02, 20_000))
+    assert noise_std(values) == pytest.approx(0.02, rel=0.06)
+
+
 def test_noise_below_the_resolution_is_that_of_rounding():
     assert noise_std(np.repeat([1.0, 1.5, 2.0], 100)) == pytest.approx(0.5 / np.sqrt(12))
 

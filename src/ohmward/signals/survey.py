@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,9 +87,8 @@ def noise_std(values: np.ndarray) -> float:
 
     values: (T,), NaN allowed.
     """
-    second = np.diff(values, n=2)
     known = values[np.isfinite(values)]
-    return max(spread(second[np.isfinite(second)]) / np.sqrt(6.0), resolution(known) / np.sqrt(12.0))
+    return max(spread(np.diff(known, n=2)) / math.sqrt(6.0), resolution(known) / math.sqrt(12.0))
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from ohmward.traction.speed_observer.make_observer import (
     default_observer,
     encoder_std_rad_s,
     make_observer,
-    noise_std,
     quantum,
     speed_std_m_s,
     yaw_rate_of_wheels,
@@ -115,13 +114,6 @@ def test_the_quantisation_of_counts_is_found():
     assert quantum(speed) == pytest.approx(2 * math.pi / 4096 / 0.01)
     exact = 2 * math.pi / 4096 / 0.01 / math.sqrt(6)  # two uniform errors of one step
     assert exact <= encoder_std_rad_s(speed[:, None]) <= 2.0 * exact
-
-
-def test_white_noise_is_measured_whatever_the_robot_does():
-    values = 3.0 * np.sin(TIME) + 0.05 * np.random.default_rng(3).standard_normal(TIME.size)
-    assert noise_std(values, 0.0) == pytest.approx(0.05, rel=0.1)
-    assert noise_std(values, 0.2) == 0.2
-    assert noise_std(values[:5], 0.1) == 0.1
 
 
 def test_errors_that_last_make_a_speed_worth_less():

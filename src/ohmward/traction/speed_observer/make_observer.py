@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
+from ohmward.signals.survey import noise_std, spread
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import DEFAULT_TERRAIN, Terrain, terrain_named
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S, TURNS_M_S
@@ -45,10 +45,8 @@ from ohmward.traction.speed_observer.states import States
 #: Smallest standard deviation [rad/s] taken from a log for an encoder; that of an external speed is `ASSUMED_STD_M_S`.
 LEAST_ENCODER_RAD_S = 0.01
 
-#: Standard deviation of a normal error over its median absolute deviation.
-_MAD = 1.0 / NormalDist().inv_cdf(0.75)
-#: Fewest samples from which noise is measured.
-_FEWEST_FOR_NOISE = 10
+#: Fewest samples from which the error of an external speed is measured.
+_FEWEST_FOR_ERROR = 10
 #: Changes below this are rounding.
 _SAME = 1e-9
 #: Standard deviations beyond which an error of the speed is an outlier, left out of the correlation.
@@ -62,7 +60,7 @@ def encoder_std_rad_s(wheel_speed_rad_s: np.ndarray) -> float:
     """
     stds = [LEAST_ENCODER_RAD_S]
     for speed in wheel_speed_rad_s.T:
-        stds += [quantum(speed) / math.sqrt(6), noise_std(speed, 0.0)]
+        stds += [quantum(speed) / math.sqrt(6), noise_std(speed)]
     return max(stds)
 
 
@@ -71,18 +69,6 @@ def quantum(values: np.ndarray) -> float:
     change = np.abs(np.diff(values[np.isfinite(values)]))
     change = change[change > _SAME]
     return float(np.quantile(change, 0.01)) if change.size else 0.0
-
-
-def noise_std(values: np.ndarray | None, least: float) -> float:
-    """Standard deviation of the white noise of a channel (T,): from each sample and the line through its neighbours.
-
-    Robust against the true motion, as long as that is slow; not below `least`.
-    """
-    known = np.empty(0) if values is None else values[np.isfinite(values)]
-    if known.size < _FEWEST_FOR_NOISE:
-        return max(least, 0.0)
-    off_line = known[1:-1] - 0.5 * (known[:-2] + known[2:])
-    return max(least, _MAD * float(np.median(np.abs(off_line))) / math.sqrt(1.5))
 
 
 def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
@@ -94,9 +80,9 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
     if log.speed_std_m_s is not None and "speed_std_m_s" in log.channels:
         return float(np.nanmedian(log.speed_std_m_s))
     error = speed_minus_wheels_m_s(robot, log)
-    if error.size < _FEWEST_FOR_NOISE:
+    if error.size < _FEWEST_FOR_ERROR:
         return ASSUMED_STD_M_S
-    std = _MAD * float(np.median(np.abs(error - np.median(error))))
+    std = spread(error)
     rho = correlation(error, _OUTLIER * std)
     return max(ASSUMED_STD_M_S, std * math.sqrt((1 + rho) / (1 - rho)))
 
@@ -231,12 +217,13 @@ def sensor_noise(robot: Robot, log: DriveLog) -> ObserverNoise:
     """Noise of the sensors that the log has."""
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
+    gyro_rad_s = log.yaw_rate_rad_s if "yaw_rate_rad_s" in has else None
     known_rad_s = driven[np.isfinite(driven)]
     first_m_s = abs(float(known_rad_s[0])) * robot.wheel.radius_m if known_rad_s.size else 0.0
     return ObserverNoise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
-        gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
+        gyro_std_rad_s=None if gyro_rad_s is None else max(LEAST_GYRO_RAD_S, noise_std(gyro_rad_s)),
         speed_std_m_s=speed_std_m_s(robot, log) if "speed_m_s" in has else None,
         pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
         radius_std=RADIUS_STD,
